@@ -1,0 +1,225 @@
+"""The scene on the host: what to draw, where, of what, and under which lights.
+
+A `Scene` is a plain description. Transforms are float64 and keep prim paths; nothing here touches a device.
+`Renderer` uploads it, `warprender.usd` reads it from a stage, and the `add_*` methods build one in Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import warp as wp
+
+from .camera import Camera
+from .lights import Light
+from .materials import DisplayColor, Material
+from .shapes import Mesh, Primvar, Sphere
+
+
+class SceneError(ValueError):
+    """A stage, prim or flag that cannot be rendered; the message names it in one line."""
+
+
+@dataclass
+class Placement:
+    """A shape drawn one or many times with one material: a prim, or a prim under an instancer.
+
+    Attributes:
+        path: prim path; names the prim in warnings and ids.
+        shape: the geometry, stored once however often it is placed.
+        transforms: (K, 4, 4) float64 object-to-world matrices for row vectors, as in USD: p' = p M.
+        material: key into `Scene.materials`; "" for `Scene.materials[""]`, the display colour.
+        instance_ids: (K,) int32, UsdGeomPointInstancer index of each copy, -1 where there is no instancer.
+    """
+
+    path: str
+    shape: Mesh | Sphere
+    transforms: np.ndarray
+    material: str = ""
+    instance_ids: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        self.transforms = np.asarray(self.transforms, np.float64).reshape(-1, 4, 4)
+        if self.instance_ids is None:
+            self.instance_ids = np.full(len(self.transforms), -1, np.int32)
+
+
+@dataclass
+class RenderSettings:
+    """UsdRenderSettings, as far as it is read: resolution in pixels, and the path of the camera."""
+
+    path: str = ""
+    resolution: tuple[int, int] | None = None
+    camera: str = ""
+    pixelAspectRatio: float = 1.0
+    aspectRatioConformPolicy: str = "expandAperture"
+
+
+@dataclass
+class Scene:
+    """Everything that a picture depends on, except the request for it.
+
+    Attributes:
+        placements: prim path to `Placement`, in drawing order; ids are positions in this order.
+        materials: path to material; the key "" is the material of prims that are bound to none.
+        lights: path to light.
+        cameras: path to camera.
+        settings: the stage's render settings.
+        up_axis: "Y" or "Z".
+        meters_per_unit: scene units in metres; lights are not scaled by it.
+        source: file that the scene was read from, "" for one built in Python.
+        warnings: one line for each thing that the stage asks for and that is not drawn as asked.
+    """
+
+    placements: dict[str, Placement] = field(default_factory=dict)
+    materials: dict[str, Material] = field(default_factory=lambda: {"": DisplayColor()})
+    lights: dict[str, Light] = field(default_factory=dict)
+    cameras: dict[str, Camera] = field(default_factory=dict)
+    settings: RenderSettings = field(default_factory=RenderSettings)
+    up_axis: str = "Y"
+    meters_per_unit: float = 0.01
+    source: str = ""
+    warnings: list[str] = field(default_factory=list)
+
+    def warn(self, message: str) -> None:
+        """Keep a one-line warning, once."""
+        if message not in self.warnings:
+            self.warnings.append(message)
+
+    @property
+    def meshes(self) -> dict[str, Mesh]:
+        """The meshes by the path of the prim that places them."""
+        return {path: p.shape for path, p in self.placements.items() if isinstance(p.shape, Mesh)}
+
+    def add_mesh(
+        self,
+        path: str,
+        points: np.ndarray | wp.array,
+        faces: np.ndarray | Sequence,
+        material: Material | None = None,
+        pose: object = None,
+        normals: np.ndarray | None = None,
+        color: np.ndarray | Sequence | None = None,
+    ) -> Mesh:
+        """Add a mesh prim.
+
+        Args:
+            path: prim path, unique in the scene.
+            points: (N, 3) float32, or a `wp.array(dtype=wp.vec3)`, which is used in place.
+            faces: (F, k) int indices, or a sequence of faces of any sizes.
+            material: None draws `color`.
+            pose: `wp.transformf`, seven numbers (position, quaternion xyzw) or a (4, 4) matrix for row vectors.
+            normals: (N, 3) shading normals, or None for flat shading.
+            color: one linear Rec.709 colour or one for each point.
+
+        Raises:
+            SceneError: the path is taken, or an index is out of range.
+        """
+        self._claim(path)
+        faces = [np.asarray(f, np.int64).reshape(-1) for f in faces]
+        counts = np.array([len(f) for f in faces], np.int64)
+        indices = np.concatenate(faces) if faces else np.zeros(0, np.int64)
+        if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
+            raise SceneError(f"{path}: a face index is outside 0…{len(points) - 1}")
+        host = (
+            points.numpy() if isinstance(points, wp.array) else np.asarray(points, np.float32).reshape(-1, 3)
+        )
+        mesh = Mesh.from_polygons(host, counts, indices)
+        if isinstance(points, wp.array):
+            mesh.points = points
+        if normals is not None:
+            mesh.normals = Primvar(normals, "vertex")
+        if color is not None:
+            mesh.primvars["displayColor"] = _color_primvar(color)
+        self._place(path, mesh, material, pose)
+        return mesh
+
+    def add_sphere(
+        self,
+        path: str,
+        radius: float = 1.0,
+        material: Material | None = None,
+        pose: object = None,
+        color: Sequence | None = None,
+    ) -> Sphere:
+        """Add a sphere prim; arguments as in `add_mesh`."""
+        self._claim(path)
+        sphere = Sphere(radius)
+        if color is not None:
+            sphere.primvars["displayColor"] = _color_primvar(color)
+        self._place(path, sphere, material, pose)
+        return sphere
+
+    def add_instances(self, path: str, prototype: str, poses: Sequence | np.ndarray) -> Placement:
+        """Draw the shape of the prim `prototype` once more for each pose; it is stored once.
+
+        Args:
+            path: prim path of the instancer.
+            prototype: path of a placed prim.
+            poses: (K, 7) positions and quaternions xyzw, or (K, 4, 4) matrices for row vectors.
+        """
+        self._claim(path)
+        if prototype not in self.placements:
+            raise SceneError(f"{path}: there is no prim {prototype} to draw instances of")
+        source = self.placements[prototype]
+        transforms = np.stack([pose_matrix(p) for p in poses]) if len(poses) else np.zeros((0, 4, 4))
+        placement = Placement(
+            path, source.shape, transforms, source.material, np.arange(len(transforms), dtype=np.int32)
+        )
+        self.placements[path] = placement
+        return placement
+
+    def add_light(self, light: Light, path: str | None = None, pose: object = None) -> str:
+        """Add a light; returns its path. `pose` as in `add_mesh` replaces `light.transform`."""
+        path = path or f"/Lights/{type(light).__name__}{len(self.lights)}"
+        self._claim(path)
+        if pose is not None:
+            light.transform = pose_matrix(pose)
+        self.lights[path] = light
+        return path
+
+    def add_camera(self, path: str, camera: Camera, pose: object = None) -> Camera:
+        """Add a camera; `pose` as in `add_mesh` replaces `camera.transform`."""
+        self._claim(path)
+        if pose is not None:
+            camera.transform = pose_matrix(pose)
+        self.cameras[path] = camera
+        return camera
+
+    def _claim(self, path: str) -> None:
+        if path in self.placements or path in self.lights or path in self.cameras:
+            raise SceneError(f"{path}: the path is already in the scene")
+
+    def _place(self, path: str, shape: Mesh | Sphere, material: Material | None, pose: object) -> None:
+        key = ""
+        if material is not None:
+            key = f"{path}/material"
+            self.materials[key] = material
+        self.placements[path] = Placement(path, shape, pose_matrix(pose)[None], key)
+
+
+def pose_matrix(pose: object) -> np.ndarray:
+    """(4, 4) float64 matrix for row vectors from None, a (4, 4) matrix, or position and quaternion xyzw."""
+    if pose is None:
+        return np.eye(4)
+    pose = np.asarray(pose, np.float64)
+    if pose.shape == (4, 4):
+        return pose
+    if pose.shape != (7,):
+        raise ValueError(f"a pose is seven numbers or a 4×4 matrix, not an array of shape {pose.shape}")
+    x, y, z, w = pose[3:] / np.linalg.norm(pose[3:])
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
+        [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
+        [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[3, :3] = pose[:3]
+    return matrix
+
+
+def _color_primvar(color: np.ndarray | Sequence) -> Primvar:
+    values = np.asarray(color, np.float32)
+    return Primvar(values.reshape(-1, 3), "constant" if values.ndim == 1 else "vertex")

@@ -1,0 +1,10 @@
+"""Shapes: what can be placed in a scene. One kind, one file; `SHAPES` is the list of kinds."""
+
+from .mesh import Mesh, triangulate
+from .primvar import Primvar
+from .sphere import Sphere
+
+#: Shape kinds in the order of their ids on the device.
+SHAPES = (Mesh, Sphere)
+
+__all__ = ["SHAPES", "Mesh", "Primvar", "Sphere", "triangulate"]

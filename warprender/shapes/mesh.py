@@ -1,0 +1,142 @@
+"""UsdGeomMesh as triangles: polygons of any size, cut once at load, with the way back to the authored faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import mapbox_earcut
+import numpy as np
+
+from .primvar import Primvar
+
+
+@dataclass
+class Mesh:
+    """A triangle mesh that remembers the polygons that it was cut from.
+
+    Attributes:
+        points: (N, 3) float32 in object space, a numpy array or a `wp.array(dtype=wp.vec3)`, which is used
+            in place.
+        triangles: (T, 3) int32 indices into `points`. The geometric normal is (p1 - p0) × (p2 - p0).
+        faces: (T,) int32, the authored face that each triangle belongs to.
+        corners: (T, 3) int32, the authored face corner (index into `faceVertexIndices`) of each vertex.
+        normals: shading normals in object space, or None for flat shading.
+        primvars: name to `Primvar`, in terms of the authored faces, points and corners.
+        face_materials: material path to the (K,) int32 authored faces that it covers (GeomSubset).
+        double_sided: as authored. Both sides are drawn either way.
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    faces: np.ndarray
+    corners: np.ndarray
+    normals: Primvar | None = None
+    primvars: dict[str, Primvar] = field(default_factory=dict)
+    face_materials: dict[str, np.ndarray] = field(default_factory=dict)
+    double_sided: bool = False
+
+    @classmethod
+    def from_polygons(
+        cls,
+        points: np.ndarray,
+        face_vertex_counts: np.ndarray,
+        face_vertex_indices: np.ndarray,
+        *,
+        left_handed: bool = False,
+        hole_faces: np.ndarray | None = None,
+        **fields,
+    ) -> Mesh:
+        """Cut polygons into triangles; `fields` are the remaining attributes.
+
+        Args:
+            points: (N, 3) float32.
+            face_vertex_counts: (F,) int.
+            face_vertex_indices: (sum of counts,) int.
+            left_handed: UsdGeomMesh `orientation`; the winding of every triangle is turned round.
+            hole_faces: faces that are not drawn (`holeIndices`).
+        """
+        triangles, faces, corners = triangulate(points, face_vertex_counts, face_vertex_indices, hole_faces)
+        if left_handed:
+            triangles, corners = triangles[:, ::-1].copy(), corners[:, ::-1].copy()
+        return cls(points, triangles, faces, corners, **fields)
+
+
+def triangulate(
+    points: np.ndarray,
+    face_vertex_counts: np.ndarray,
+    face_vertex_indices: np.ndarray,
+    hole_faces: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cut polygons into triangles: fans where a polygon is convex, earcut where it is not.
+
+    Args:
+        points: (N, 3) float.
+        face_vertex_counts: (F,) int; faces of fewer than three corners draw nothing.
+        face_vertex_indices: (sum of counts,) int, all in range of `points`.
+        hole_faces: faces to leave out.
+
+    Returns:
+        triangles (T, 3), faces (T,), corners (T, 3), all int32, in the order of the faces.
+    """
+    counts = np.asarray(face_vertex_counts, np.int64)
+    indices = np.asarray(face_vertex_indices, np.int64)
+    points = np.asarray(points, np.float64)
+    first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64) if len(counts) else counts
+    drawn = counts >= 3
+    if hole_faces is not None and len(hole_faces):
+        holes = np.asarray(hole_faces, np.int64)
+        drawn[holes[(holes >= 0) & (holes < len(counts))]] = False
+
+    pieces = []
+    for size in np.unique(counts[drawn]):
+        faces = np.flatnonzero(drawn & (counts == size))
+        corners = first[faces, None] + np.arange(size)
+        fan = np.stack([np.zeros(size - 2, int), np.arange(1, size - 1), np.arange(2, size)], 1)
+        convex = np.ones(len(faces), bool) if size == 3 else _is_convex_fan(points[indices[corners]], fan)
+        pieces.append((np.repeat(faces[convex], size - 2), corners[convex][:, fan].reshape(-1, 3)))
+        for face, ring in zip(faces[~convex], corners[~convex], strict=True):
+            cut = _cut_ears(points[indices[ring]])
+            pieces.append((np.full(len(cut), face), ring[cut]))
+    if not pieces:
+        return np.zeros((0, 3), np.int32), np.zeros(0, np.int32), np.zeros((0, 3), np.int32)
+
+    faces = np.concatenate([p[0] for p in pieces])
+    corners = np.concatenate([p[1] for p in pieces])
+    order = np.argsort(faces, kind="stable")
+    faces, corners = faces[order].astype(np.int32), corners[order].astype(np.int32)
+    return indices[corners].astype(np.int32), faces, corners
+
+
+def _is_convex_fan(rings: np.ndarray, fan: np.ndarray) -> np.ndarray:
+    """Whether every triangle of the fan faces the same way as its polygon: (F, n, 3) → (F,) bool."""
+    edges = rings - rings[:, :1]
+    normal = np.cross(edges[:, 1:-1], edges[:, 2:]).sum(1)
+    triangles = rings[:, fan]
+    facing = np.cross(triangles[:, :, 1] - triangles[:, :, 0], triangles[:, :, 2] - triangles[:, :, 0])
+    return (np.einsum("ftk,fk->ft", facing, normal) >= 0).all(1)
+
+
+def _cut_ears(ring: np.ndarray) -> np.ndarray:
+    """Triangles (T, 3) into a concave polygon (n, 3), cut in the plane of its Newell normal.
+
+    A fan from the first corner where the polygon has no area to speak of (earcut finds no ear there).
+    """
+    centred = ring - ring.mean(0)
+    normal = np.cross(centred, np.roll(centred, -1, 0)).sum(0)
+    axis = int(np.argmax(np.abs(normal)))
+    plane = np.delete(centred, axis, 1)
+    cut = mapbox_earcut.triangulate_float64(np.ascontiguousarray(plane), np.array([len(ring)], np.uint32))
+    triangles = np.asarray(cut, np.int64).reshape(-1, 3)
+    if not len(triangles):
+        steps = np.arange(1, len(ring) - 1)
+        return np.stack([np.zeros_like(steps), steps, steps + 1], 1)
+    a, b, c = (plane[triangles[:, k]] for k in range(3))
+    area = _cross_2d(b - a, c - a)
+    u, v = plane, np.roll(plane, -1, 0)
+    flipped = np.sign(area) != np.sign(_cross_2d(u, v).sum())
+    triangles[flipped] = triangles[flipped][:, ::-1]
+    return triangles
+
+
+def _cross_2d(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
