@@ -1,7 +1,9 @@
 """UsdGeomCamera: its window, and the rays through it."""
 
 from __future__ import annotations
+
 from dataclasses import dataclass, field
+
 import numpy as np
 
 

@@ -1,8 +1,11 @@
 """UsdLuxDistantLight."""
 
 from __future__ import annotations
+
 from dataclasses import dataclass
+
 import numpy as np
+
 from .light import Light
 
 

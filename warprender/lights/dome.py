@@ -1,7 +1,9 @@
 """UsdLuxDomeLight without a texture."""
 
 from __future__ import annotations
+
 from dataclasses import dataclass
+
 from .light import Light
 
 

@@ -1,6 +1,7 @@
 """UsdPreviewSurface."""
 
 from __future__ import annotations
+
 from dataclasses import dataclass
 
 
