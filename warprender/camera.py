@@ -1,9 +1,7 @@
 """UsdGeomCamera: its window, and the rays through it."""
 
 from __future__ import annotations
-
 from dataclasses import dataclass, field
-
 import numpy as np
 
 

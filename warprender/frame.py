@@ -19,8 +19,8 @@ class Frame:
 
     Attributes:
         outputs: output name to `wp.array` (H, W) of float32, int32 or vectors; row 0 is the top row.
-        stats: what the render took: samples, seconds, rays, error, warnings; `interrupted` when it was stopped.
-        receipt: what is needed to render it again: plan, seed, samples, versions, stage hash, flags. JSON-able.
+        stats: what the render took: samples, seconds, rays, error, warnings; `interrupted` if stopped.
+        receipt: what rendering it again needs: plan, seed, samples, versions, stage hash, flags; JSON-able.
     """
 
     def __init__(
@@ -86,6 +86,6 @@ class Frame:
 
     def __repr__(self) -> str:
         width, height = self.resolution
-        samples = f", {self.stats['samples']} samples" if "samples" in self.stats else ""
-        stopped = ", interrupted" if self.stats.get("interrupted") else ""
-        return f"Frame({width}×{height}, {', '.join(self.outputs)}{samples}{stopped})"
+        samples = f"; {self.stats['samples']} samples" if "samples" in self.stats else ""
+        stopped = "; interrupted" if self.stats.get("interrupted") else ""
+        return f"Frame({width}x{height}: {', '.join(self.outputs)}{samples}{stopped})"

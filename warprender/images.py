@@ -1,12 +1,13 @@
 """Image files, all by OpenImageIO: 8-bit pictures, Radiance HDR, and EXR with one layer for each output.
 
-Pictures for display (PNG, JPEG, TIFF) hold what usdrecord writes: colour as it comes from the renderer, that is
-premultiplied by alpha, through the sRGB curve. PNG calls its colour unassociated, so on an empty background a
-viewer darkens the rims of objects; render over a dome, or take EXR, where premultiplied is the convention.
+Pictures for display (PNG, JPEG, TIFF) hold what usdrecord writes: colour as it comes from the renderer, that
+is premultiplied by alpha, through the sRGB curve. PNG calls its colour unassociated, so on an empty
+background a viewer darkens the rims of objects; draw a dome light, or take EXR, where premultiplied is the
+convention.
 
-EXR keeps every value: floats as 32-bit floats, int32 as 32-bit unsigned integers of the same bits (EXR knows no
-signed ones), so -1, "nothing here", is stored as 4294967295 and `read` turns it back. OpenImageIO writes one type
-a part, hence integers go into a second part named "integers".
+EXR keeps every value: floats as 32-bit floats, int32 as 32-bit unsigned integers of the same bits (EXR
+knows no signed ones), so -1, "nothing here", is stored as 4294967295 and `read` turns it back. OpenImageIO
+takes one type for each part, hence integers go into a second part named "integers".
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _COLOR_LAYERS = ("color", "albedo")
 
 
 def check_destination(path: str | Path) -> None:
-    """Raise ValueError, naming the file, when `path` cannot become an image: to be asked before a long render."""
+    """Raise ValueError, naming `path`, where it cannot become an image: to be asked before rendering."""
     path = Path(path)
     known = DISPLAY_FORMATS + LAYERED_FORMATS + LINEAR_FORMATS
     if path.suffix.lower() not in known:
@@ -71,9 +72,7 @@ def write(
     suffix = path.suffix.lower()
     check_destination(path)
     if not holds(path, layers):
-        raise ValueError(
-            f"{path}: {suffix} holds the output color, which is missing; .exr holds every output"
-        )
+        raise ValueError(f"{path}: {suffix} holds color alone, and there is none; .exr holds all")
     if suffix in LAYERED_FORMATS:
         return write_exr(path, layers, metadata, half)
     if suffix in LINEAR_FORMATS:

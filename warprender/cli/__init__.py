@@ -1,7 +1,8 @@
 """The command line: one file a command.
 
-A command's file offers `add_parser(commands)` and `run(args) -> exit code`. Warp, USD and NumPy are imported inside
-`run`, so that help and usage errors come at once. Exit codes: 0 done, 1 an error, 2 wrong usage, 130 interrupted.
+A command's file offers `add_parser(commands)` and `run(args) -> exit code`. Warp, USD and NumPy are imported
+inside `run`, so that help and usage errors come at once. Exit codes: 0 done, 1 an error, 2 wrong usage, 130
+interrupted.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands."""
     parser = argparse.ArgumentParser(
         prog="warprender",
-        description="Render OpenUSD stages on the CPU and on CUDA. Flags have usdrecord's names and meanings.",
+        description="Render OpenUSD stages on the CPU and on CUDA; flags as usdrecord's.",
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:

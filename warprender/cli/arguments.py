@@ -39,9 +39,7 @@ def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="/PRIM:SET=VALUE",
         help="select a variant; may be repeated",
     )
-    group.add_argument(
-        "--renderSettingsPrimPath", "-rs", metavar="PRIMPATH", help="RenderSettings prim to use"
-    )
+    group.add_argument("--renderSettingsPrimPath", "-rs", metavar="PRIMPATH", help="RenderSettings prim")
     group.add_argument(
         "--complexity",
         "-c",
@@ -70,7 +68,7 @@ def _add_view_arguments(group: argparse._ArgumentGroup) -> None:
         "--camera",
         "-cam",
         metavar="NAME",
-        help="camera by name or prim path; else the render settings' camera, main_cam, or one that frames all",
+        help="camera by name or prim path; else the settings' camera, main_cam, or one that frames all",
     )
     size = group.add_mutually_exclusive_group()
     size.add_argument(

@@ -1,8 +1,9 @@
 """usdrecord's frame ranges, and the file names they are written to.
 
-A frame range is `a`, `a:b` or `a:bxs`, several separated by commas: from a to b inclusive in steps of s, which
-may be fractional and, when b lies before a, is negative (-1 if it is not given). A file name for several frames
-holds one placeholder, `###` or `###.###`: as wide as all of it, with as many decimals as hashes after the dot.
+A frame range is `a`, `a:b` or `a:bxs`, several separated by commas: from a to b inclusive in steps of s,
+which may be fractional and, when b lies before a, is negative (-1 if it is not given). A file name for
+several frames holds one placeholder, `###` or `###.###`: as wide as all of it, with as many decimals as
+hashes after the dot.
 """
 
 from __future__ import annotations

@@ -81,8 +81,6 @@ def _check_destinations(args: argparse.Namespace, paths: list[str]) -> None:
     for path in paths:
         images.check_destination(path)
     if not images.holds(paths[0], outputs(args)):
-        raise ValueError(
-            f"{paths[0]}: only .exr holds outputs other than color; write .exr, or add --aov color"
-        )
+        raise ValueError(f"{paths[0]}: only .exr holds outputs without color")
     if args.stats and not Path(args.stats).absolute().parent.is_dir():
         raise ValueError(f"{args.stats}: the folder {Path(args.stats).parent} does not exist")

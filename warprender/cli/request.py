@@ -38,12 +38,12 @@ def load_scene(args: argparse.Namespace, time: float | None) -> Scene:
     return load(
         args.stage,
         time=time,
-        purposes=("default", *args.purposes),
+        purposes=args.purposes,
         variants=variants or None,
         mask=args.mask,
         session_layer=args.sessionLayer,
-        render_settings=args.renderSettingsPrimPath,
         complexity=args.complexity,
+        **({"render_settings": args.renderSettingsPrimPath} if args.renderSettingsPrimPath else {}),
     )
 
 
@@ -94,7 +94,7 @@ def choose_resolution(
 
 
 def _height(width: int, camera: Camera) -> int:
-    """As usdrecord: the quotient in 32 bits, so that 960 by 16:9 is 540 and not 539, then cut to whole pixels."""
+    """As usdrecord: the quotient in 32 bits (960 by 16:9 is 540, not 539), cut to whole pixels."""
     import numpy as np
 
     aspect = np.float32(camera.horizontalAperture / camera.verticalAperture) if camera.verticalAperture else 0

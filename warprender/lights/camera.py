@@ -1,9 +1,7 @@
 """The camera light: what usdrecord adds to a stage without lights."""
 
 from __future__ import annotations
-
 from dataclasses import dataclass
-
 from .light import Light
 
 

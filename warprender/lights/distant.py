@@ -1,11 +1,8 @@
 """UsdLuxDistantLight."""
 
 from __future__ import annotations
-
 from dataclasses import dataclass
-
 import numpy as np
-
 from .light import Light
 
 

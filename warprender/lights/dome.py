@@ -1,9 +1,7 @@
 """UsdLuxDomeLight without a texture."""
 
 from __future__ import annotations
-
 from dataclasses import dataclass
-
 from .light import Light
 
 

@@ -1,11 +1,8 @@
 """UsdLuxSphereLight."""
 
 from __future__ import annotations
-
 from dataclasses import dataclass
-
 import numpy as np
-
 from .light import Light, linear_part
 
 

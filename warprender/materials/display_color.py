@@ -1,7 +1,6 @@
 """What a prim looks like that no material is bound to: Lambert reflection of its displayColor."""
 
 from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,6 @@
 """UsdPreviewSurface."""
 
 from __future__ import annotations
-
 from dataclasses import dataclass
 
 
