@@ -87,7 +87,7 @@ def test_defaults_are_those_of_usdrecord(recorder, tmp_path, capsys):
 def test_every_flag_arrives(recorder):
     flags = (
         "--mask /a,/b --purposes render,guide --sessionLayer s.usda -rs /Render/settings -c high -d "
-        "--variant /a:look=red --variant /a:size=big -cam /cam --resolution 8x4 --aov color,depth --aov primId "
+        "--variant /a:look=red --variant /a:size=big -cam /cam --resolution 8x4 --aov color,depth --aov id "
         "--filter box --cameraLight on --enableDomeLightVisibility --enableLightVisibility --transport path "
         "--visibility rays --samples 9 --error 0.1 --seconds 2.5 --bounces 0 --seed 5 --threads 2 "
         "--disableGpu"
@@ -108,7 +108,7 @@ def test_every_flag_arrives(recorder):
     assert isinstance(renderer.pop("camera"), Camera)
     assert renderer == {
         "resolution": (8, 4),
-        "outputs": ("color", "depth", "primId"),
+        "outputs": ("color", "depth", "id"),
         "visibility": "rays",
         "transport": "path",
         "device": "cpu",
