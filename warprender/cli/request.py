@@ -1,0 +1,110 @@
+"""From parsed flags to the scene and the renderer that they ask for."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..camera import Camera
+    from ..renderer import Renderer
+    from ..scene import RenderSettings, Scene
+
+#: usdrecord's width of pictures.
+DEFAULT_WIDTH = 960
+
+#: What the time code "default" is as a number, in USD and in `load`.
+DEFAULT_TIME = float("nan")
+
+
+def times(args: argparse.Namespace) -> list[float | None]:
+    """The time code of each frame as `load` takes it; None is the stage's startTimeCode, if authored."""
+    if args.frames:
+        return list(args.frames.times)
+    return [DEFAULT_TIME if args.defaultTime else None]
+
+
+def load_scene(args: argparse.Namespace, time: float | None) -> Scene:
+    """The stage at one of `times`.
+
+    Raises:
+        SceneError: the stage, or something that a flag names in it, cannot be read.
+    """
+    from .. import load
+
+    variants: dict[str, dict[str, str]] = {}
+    for prim, name, value in args.variant:
+        variants.setdefault(prim, {})[name] = value
+    return load(
+        args.stage,
+        time=time,
+        purposes=args.purposes,
+        variants=variants or None,
+        mask=args.mask,
+        session_layer=args.sessionLayer,
+        complexity=args.complexity,
+        **({"render_settings": args.renderSettingsPrimPath} if args.renderSettingsPrimPath else {}),
+    )
+
+
+def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
+    """The renderer of `scene` with the camera, the size and the accuracy that the flags ask for.
+
+    Raises:
+        SceneError: no such camera.
+        ValueError: an output, transport, device or filter that does not exist.
+    """
+    from .. import Renderer
+    from ..usd import choose_camera
+
+    camera = choose_camera(scene, args.camera)
+    return Renderer(
+        scene,
+        camera=camera,
+        resolution=choose_resolution(args.resolution, args.imageWidth, scene.settings, camera),
+        outputs=outputs(args),
+        visibility=args.visibility,
+        transport=args.transport,
+        device=args.device,
+        threads=args.threads,
+        bounces=args.bounces,
+        camera_light=args.cameraLight,
+        dome_light_visible=args.enableDomeLightVisibility,
+        lights_visible=args.enableLightVisibility,
+        filter=args.filter,
+    )
+
+
+def outputs(args: argparse.Namespace) -> tuple[str, ...]:
+    """The outputs of --aov, each once; color where none is asked for."""
+    asked = [name for names in args.aov or () for name in names]
+    return tuple(dict.fromkeys(asked)) or ("color",)
+
+
+def choose_resolution(
+    resolution: tuple[int, int] | None, width: int | None, settings: RenderSettings, camera: Camera
+) -> tuple[int, int]:
+    """(width, height): as asked, else `width` by the camera's aspect, else the settings', else 960 wide."""
+    if resolution is not None:
+        return resolution
+    if width is None and settings.resolution is not None:
+        return settings.resolution
+    width = width or DEFAULT_WIDTH
+    return width, _height(width, camera)
+
+
+def _height(width: int, camera: Camera) -> int:
+    """As usdrecord: the quotient in 32 bits (960 by 16:9 is 540, not 539), cut to whole pixels."""
+    import numpy as np
+
+    aspect = np.float32(camera.horizontalAperture / camera.verticalAperture) if camera.verticalAperture else 0
+    if aspect < 1e-4:
+        aspect = np.float32(1.0)
+    return max(1, int(np.float32(width) / aspect))
+
+
+def remarks(args: argparse.Namespace) -> list[str]:
+    """Warnings about flags that are read but change nothing."""
+    if args.renderer and args.renderer.lower() != "warprender":
+        return [f"--renderer {args.renderer}: read and ignored; warprender draws the picture"]
+    return []
