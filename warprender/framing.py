@@ -1,0 +1,110 @@
+"""Where to look from: usdrecord's rule for the camera, and its automatic framing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .camera import Camera
+from .scene import Placement, Scene, SceneError
+from .shapes import Mesh
+
+#: Name of the camera that usdrecord takes when none is asked for.
+MAIN_CAMERA = "main_cam"
+
+#: Path that stands for the automatic camera in messages.
+AUTOMATIC = "the automatic camera"
+
+
+def choose_camera(scene: Scene, name: str | None = None) -> Camera:
+    """The camera to render with: `name`, else the render settings' one, else `main_cam`, else automatic framing.
+
+    Args:
+        scene: the scene.
+        name: path or name of a camera prim.
+
+    Raises:
+        SceneError: there is no camera `name`, or the chosen one has no window to look through.
+    """
+    if name:
+        path = _find(scene, name)
+        if path is None:
+            known = ", ".join(scene.cameras) or "none"
+            raise SceneError(f"camera {name}: there is no such camera; the scene has {known}")
+    else:
+        path = scene.settings.camera or _find(scene, MAIN_CAMERA)
+    if not path:
+        return auto_camera(scene)
+    camera = scene.cameras[path]
+    _check(path, camera)
+    return camera
+
+
+def auto_camera(scene: Scene) -> Camera:
+    """A 50 mm camera that frames everything drawn: from +Z when Y is up, from -Y when Z is up."""
+    bounds = scene.bounds if scene.bounds is not None else placement_bounds(scene)
+    low, high = (np.zeros(3), np.zeros(3)) if bounds is None else np.asarray(bounds, np.float64)
+    centre, size = (low + high) / 2, high - low
+    camera = Camera()
+    across, deep = (1, 2) if scene.up_axis == "Y" else (2, 1)
+    radius = np.hypot(size[0], size[across]) / 2
+    distance = radius / (camera.horizontalAperture / (2 * camera.focalLength)) + size[deep] / 2
+    near, far = camera.clippingRange
+    if distance < near:
+        distance += near
+    transform = np.eye(4)
+    if scene.up_axis == "Y":
+        transform[3, :3] = centre + (0, 0, distance)
+    else:
+        transform[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
+        transform[3, :3] = centre - (0, distance, 0)
+    # usdrecord keeps the far plane at 1e6 and loses what lies behind it; a picture of everything needs more.
+    far = max(far, 2 * (distance + size[deep]))
+    return replace(camera, clippingRange=(near, far), transform=transform)
+
+
+def placement_bounds(scene: Scene) -> np.ndarray | None:
+    """World box (2, 3) float64 of all placements, None of an empty scene."""
+    boxes = [_bounds(p) for p in scene.placements.values() if len(p.transforms)]
+    boxes = [box for box in boxes if box is not None]
+    if not boxes:
+        return None
+    return np.stack([np.min([b[0] for b in boxes], 0), np.max([b[1] for b in boxes], 0)])
+
+
+def _bounds(placement: Placement) -> np.ndarray | None:
+    """World box of one placement: its object box, transformed by each copy's matrix (Arvo 1990)."""
+    shape = placement.shape
+    if isinstance(shape, Mesh):
+        points = shape.points if isinstance(shape.points, np.ndarray) else shape.points.numpy()
+        used = points[np.unique(shape.triangles)]
+        if not len(used):
+            return None
+        low, high = used.min(0).astype(np.float64), used.max(0).astype(np.float64)
+    else:
+        low, high = np.full(3, -shape.radius), np.full(3, shape.radius)
+    matrices = placement.transforms
+    centre = (low + high) / 2 @ matrices[:, :3, :3] + matrices[:, 3, :3]
+    reach = (high - low) / 2 @ np.abs(matrices[:, :3, :3])
+    return np.stack([(centre - reach).min(0), (centre + reach).max(0)])
+
+
+def _find(scene: Scene, name: str) -> str | None:
+    """Path of the camera with this path or, first in namespace order, this name."""
+    if name in scene.cameras:
+        return name
+    return next((path for path in scene.cameras if path.rsplit("/", 1)[-1] == name), None)
+
+
+def _check(path: str, camera: Camera) -> None:
+    """Refuse a camera whose window has no extent, or whose place is not in the world."""
+    for field in ("focalLength", "horizontalAperture", "verticalAperture"):
+        value = getattr(camera, field)
+        if not (np.isfinite(value) and value > 0):
+            raise SceneError(f"{path}: {field} is {value}; this camera sees nothing")
+    near, far = camera.clippingRange
+    if not near < far:
+        raise SceneError(f"{path}: clippingRange ({near}, {far}) is empty")
+    if not np.isfinite(camera.transform).all() or np.linalg.det(camera.transform[:3, :3]) == 0:
+        raise SceneError(f"{path}: its transform is singular or not finite")

@@ -1,0 +1,56 @@
+"""UsdGeomCamera."""
+
+from __future__ import annotations
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom
+
+from ..camera import Camera
+from .reading import Reading, one_line
+from .walk import IN_WORLD
+
+#: Attributes that keep their name and unit.
+NUMBERS = (
+    "focalLength",
+    "horizontalAperture",
+    "verticalAperture",
+    "horizontalApertureOffset",
+    "verticalApertureOffset",
+    "fStop",
+    "focusDistance",
+)
+
+
+def read_cameras(reading: Reading) -> None:
+    """Every camera of the stage; a camera needs not be visible, nor of an included purpose."""
+    cache = UsdGeom.XformCache(reading.time)
+    for prim in Usd.PrimRange.Stage(reading.stage, IN_WORLD):
+        if not prim.IsA(UsdGeom.Camera):
+            continue
+        try:
+            reading.scene.cameras[str(prim.GetPath())] = read_camera(reading, UsdGeom.Camera(prim), cache)
+        except (Tf.ErrorException, TypeError, ValueError) as error:
+            reading.remark(prim, f"this camera cannot be read: {one_line(error)}")
+
+
+def read_camera(reading: Reading, schema: UsdGeom.Camera, cache: UsdGeom.XformCache) -> Camera:
+    """One camera prim."""
+    prim = schema.GetPrim()
+    camera = Camera(
+        projection=str(reading.get(schema.GetProjectionAttr())),
+        clippingRange=tuple(map(float, reading.get(schema.GetClippingRangeAttr()))),
+        exposureScale=_exposure_scale(reading, schema),
+        transform=np.array(cache.GetLocalToWorldTransform(prim), np.float64),
+        **{name: float(reading.get(prim.GetAttribute(name))) for name in NUMBERS},
+    )
+    if reading.get(schema.GetClippingPlanesAttr()):
+        reading.remark(prim, "clippingPlanes are not drawn yet")
+    return camera
+
+
+def _exposure_scale(reading: Reading, schema: UsdGeom.Camera) -> float:
+    scale = float(schema.ComputeLinearExposureScale(reading.time))
+    if np.isfinite(scale) and scale >= 0:
+        return scale
+    reading.remark(schema.GetPrim(), f"its exposure attributes give a scale of {scale}; 1 is taken")
+    return 1.0

@@ -1,0 +1,95 @@
+"""Primvars of a prim: values, interpolation and indices, checked against the shape that they lie on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from ..shapes import Primvar
+from .reading import Reading, shared_prim
+
+#: Primvars that are read from every shape, with their numbers of components.
+COMPONENTS = {"displayColor": 3, "displayOpacity": 1}
+
+#: Elements of a shape without faces: every interpolation counts one.
+SINGLE = {name: 1 for name in ("constant", "uniform", "vertex", "varying", "faceVarying")}
+
+
+def read_primvars(reading: Reading, prim: Usd.Prim, sizes: Mapping[str, int]) -> dict[str, Primvar]:
+    """The primvars that shading needs, inherited ones included.
+
+    Args:
+        reading: the reading in progress.
+        prim: the shape.
+        sizes: number of elements by interpolation.
+    """
+    found = {}
+    api = UsdGeom.PrimvarsAPI(prim)
+    for name, components in COMPONENTS.items():
+        source = api.FindPrimvarWithInheritance(name)
+        primvar = read_primvar(reading, prim, source, sizes, components) if source else None
+        if primvar is not None:
+            found[name] = primvar
+    return found
+
+
+def read_primvar(
+    reading: Reading, prim: Usd.Prim, source: UsdGeom.Primvar, sizes: Mapping[str, int], components: int
+) -> Primvar | None:
+    """One primvar, or None, with a remark, where its values do not fit the shape."""
+    value = source.Get(reading.time)
+    if value is None or np.size(value) == 0:
+        return None
+    indices = source.GetIndices(reading.time) if source.IsIndexed() else None
+    indices = np.array(indices, np.int64) if indices is not None and len(indices) else None
+    name = str(source.GetName())
+    return checked(reading, prim, name, value, str(source.GetInterpolation()), indices, sizes, components)
+
+
+def checked(
+    reading: Reading,
+    prim: Usd.Prim,
+    name: str,
+    value: object,
+    interpolation: str,
+    indices: np.ndarray | None,
+    sizes: Mapping[str, int],
+    components: int,
+) -> Primvar | None:
+    """A `Primvar` of the values if they fit; too many are cut off, too few or bad ones ignored, each remarked."""
+    values = np.asarray(value)
+    if values.dtype.kind not in "fiu" or values.size % components:
+        reading.remark(prim, f"{name} is ignored: its values have not {components} components")
+        return None
+    values = values.astype(np.float32).reshape(-1, components)
+    if not np.isfinite(values).all():
+        reading.remark(prim, f"{name} has values that are not finite; 0 is taken")
+        values = np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+    if indices is not None and (indices.min() < 0 or indices.max() >= len(values)):
+        reading.remark(prim, f"{name} is ignored: it has indices outside 0…{len(values) - 1}")
+        return None
+    expected = sizes.get(interpolation)
+    count = len(values) if indices is None else len(indices)
+    if expected is None or count < expected:
+        reading.remark(prim, f"{name} is ignored: {count} values with {interpolation} interpolation")
+        return None
+    if count > expected:
+        # A shape without faces takes the first value of any interpolation, and so says nothing.
+        if sizes is not SINGLE and interpolation != "constant":
+            reading.remark(prim, f"{name} has {count} values where {interpolation} takes {expected}")
+        values, indices = (values[:expected], None) if indices is None else (values, indices[:expected])
+    return Primvar(values, "constant" if sizes is SINGLE else interpolation, indices)
+
+
+def inherited_from(prim: Usd.Prim) -> tuple[str, ...]:
+    """Paths of the attributes that primvars are inherited from: what may differ between two instances."""
+    api = UsdGeom.PrimvarsAPI(prim)
+    paths = []
+    for name in COMPONENTS:
+        primvar = api.FindPrimvarWithInheritance(name)
+        owner = primvar.GetAttr().GetPrim() if primvar else None
+        if owner and owner != prim:
+            paths.append(f"{shared_prim(owner).GetPath()}.{name}")
+    return tuple(paths)

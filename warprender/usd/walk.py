@@ -1,0 +1,116 @@
+"""The walk over a stage: which prims are drawn, and with which transforms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom, UsdShade
+
+from .instances import Frame, expand
+from .reading import Reading, one_line
+
+#: Prims that stand in the world.
+IN_WORLD = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+#: Prims under a point instancer's prototype, which may be an `over` or a `class`.
+IN_PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
+
+
+@dataclass
+class Visit:
+    """A prim to be drawn.
+
+    Attributes:
+        prim: the prim, an instance proxy inside native instances.
+        local: (4, 4) float64 transform from the prim to its frame, for row vectors.
+        frame: where that frame is drawn.
+    """
+
+    prim: Usd.Prim
+    local: np.ndarray
+    frame: Frame
+
+    def transforms(self) -> np.ndarray:
+        """(K, 4, 4) float64 prim-to-world."""
+        return self.local @ self.frame.copies
+
+
+@dataclass
+class _Step:
+    """A prim that the walk has still to look at, and what it inherits."""
+
+    prim: Usd.Prim
+    parent: np.ndarray
+    frame: Frame
+    purpose: UsdGeom.Imageable.PurposeInfo | None
+    predicate: object
+
+
+def walk(reading: Reading) -> Iterator[Visit]:
+    """Every drawable prim and light that is visible and of an included purpose, in namespace order.
+
+    Native instances are walked through as if they stood there; point instancers multiply the frames of their
+    prototypes. An explicit stack: real stages nest deeper than Python recurses.
+    """
+    cache = UsdGeom.XformCache(reading.time)
+    root = reading.stage.GetPseudoRoot()
+    stack = [
+        _Step(child, np.eye(4), Frame.world(), None, IN_WORLD)
+        for child in reversed(root.GetFilteredChildren(IN_WORLD))
+    ]
+    while stack:
+        step = stack.pop()
+        prim = step.prim
+        if prim.IsA(UsdShade.Material) or not _is_visible(reading, prim):
+            continue
+        local = _local_transform(reading, cache, step)
+        purpose = _purpose(prim, step.purpose)
+        if prim.IsA(UsdGeom.PointInstancer):
+            if _is_included(reading, purpose):
+                prototypes = reading.attempt(prim, expand, UsdGeom.PointInstancer(prim), local, step.frame)
+                for prototype, frame in reversed(prototypes or []):
+                    stack.append(_Step(prototype, np.eye(4), frame, purpose, IN_PROTOTYPE))
+            continue
+        if _is_drawable(prim) and _is_included(reading, purpose):
+            yield Visit(prim, local, step.frame)
+        for child in reversed(prim.GetFilteredChildren(step.predicate)):
+            stack.append(_Step(child, local, step.frame, purpose, step.predicate))
+
+
+def _is_drawable(prim: Usd.Prim) -> bool:
+    return prim.IsA(UsdGeom.Gprim) or is_light(prim)
+
+
+def is_light(prim: Usd.Prim) -> bool:
+    """Whether the prim is a UsdLux light; a mesh that glows is not one."""
+    return prim.HasAPI("LightAPI") and not prim.IsA(UsdGeom.Gprim)
+
+
+def _is_visible(reading: Reading, prim: Usd.Prim) -> bool:
+    attribute = prim.GetAttribute("visibility") if prim.IsA(UsdGeom.Imageable) else None
+    return reading.get(attribute) != UsdGeom.Tokens.invisible
+
+
+def _purpose(prim: Usd.Prim, inherited: UsdGeom.Imageable.PurposeInfo | None) -> object:
+    imageable = UsdGeom.Imageable(prim)
+    if not imageable:
+        return inherited
+    return imageable.ComputePurposeInfo(inherited) if inherited else imageable.ComputePurposeInfo()
+
+
+def _is_included(reading: Reading, purpose: UsdGeom.Imageable.PurposeInfo | None) -> bool:
+    return purpose is None or str(purpose.purpose) in reading.purposes
+
+
+def _local_transform(reading: Reading, cache: UsdGeom.XformCache, step: _Step) -> np.ndarray:
+    """(4, 4) from the prim to its frame. A transform that cannot be evaluated counts as none."""
+    if not step.prim.IsA(UsdGeom.Xformable):
+        return step.parent
+    try:
+        matrix, resets = cache.GetLocalTransformation(step.prim)
+    except Tf.ErrorException as error:
+        reading.remark(step.prim, f"its transform is ignored: {one_line(error)}")
+        return step.parent
+    matrix = np.array(matrix, np.float64)
+    return matrix if resets else matrix @ step.parent
