@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -105,7 +105,12 @@ class Camera:
         return np.stack([right, up / np.linalg.norm(up), backward], 1)
 
     def record(
-        self, width: int, height: int, origin: np.ndarray, pixel_aspect: float = 1.0, policy: str = "expandAperture"
+        self,
+        width: int,
+        height: int,
+        origin: np.ndarray,
+        pixel_aspect: float = 1.0,
+        policy: str = "expandAperture",
     ) -> CameraRecord:
         """The device's record, with positions relative to `origin` (3,) float64."""
         record = CameraRecord()
@@ -121,7 +126,7 @@ class Camera:
         return record
 
 
-@lru_cache(maxsize=None)
+@cache
 def camera_ray_function(effects: tuple[str, ...]) -> wp.Function:
     """`camera_ray(camera, x, y, u) -> Ray` for raster position (x, y) in pixels and lens sample u.
 

@@ -5,7 +5,7 @@ Sums are float64 and in the order of the samples, so 64 samples at once or in fo
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -86,7 +86,13 @@ class Film:
     def color(self, exposure: float, threads: int | None = None) -> wp.array:
         """The picture so far: (H, W) vec4 float32, premultiplied linear Rec.709 and alpha."""
         picture = wp.empty((self.height, self.width), dtype=wp.vec4, device=self.device)
-        launch(_resolve_kernel(), self.width * self.height, [self.record, exposure, picture], self.device, threads)
+        launch(
+            _resolve_kernel(),
+            self.width * self.height,
+            [self.record, exposure, picture],
+            self.device,
+            threads,
+        )
         return picture
 
     def standard_error(self) -> np.ndarray:
@@ -117,7 +123,7 @@ class Film:
         return int(self.record.dropped.numpy().sum(dtype=np.int64))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _resolve_kernel() -> wp.Kernel:
     @wp.kernel(module="unique", enable_backward=False)
     def resolve(first: wp.int32, film: FilmRecord, exposure: wp.float32, picture: wp.array2d(dtype=wp.vec4)):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import cache
 
 import warp as wp
 
@@ -43,8 +43,8 @@ def launch(
     def run(first: int) -> None:
         wp.launch(kernel, min(chunk, count - first), [first, *arguments], device=device)
 
-    # Modules load on the calling thread: Warp's loader is not made for several at once.
-    kernel.module.load(device)
+    # The module loads here and once: Warp's loader is not made for several threads. CPU launches have block size 1.
+    kernel.module.load(device, 1)
     list(_pool(threads).map(run, range(0, count, chunk)))
 
 
@@ -57,6 +57,6 @@ def thread_count(threads: int | None) -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-@lru_cache(maxsize=None)
+@cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="warprender")

@@ -179,12 +179,16 @@ class InstanceRecord:
 
 @wp.struct
 class DeviceScene:
-    """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry."""
+    """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
+
+    `albedo` is `materials.albedo.albedo_table`.
+    """
 
     instances: wp.array(dtype=InstanceRecord)
     geometries: wp.array(dtype=GeometryRecord)
     tree: wp.uint64
     materials: wp.array(dtype=MaterialRecord)
+    albedo: wp.array2d(dtype=wp.vec3)
     primvars: wp.array(dtype=PrimvarRecord)
     primvar_count: wp.int32
     display_color: wp.int32

@@ -10,6 +10,7 @@ import warp as wp
 from .camera import Camera
 from .film import Film
 from .frame import Frame
+from .framing import choose_camera
 from .integrators.none import launch_outputs
 from .integrators.path import PathRequest, launch_path
 from .launch import thread_count
@@ -19,7 +20,6 @@ from .plan import RenderPlan, Request, analyse, lit
 from .receipt import make_receipt
 from .scene import Scene, SceneError
 from .upload import Upload, camera_light_at
-from .framing import choose_camera
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
 DEFAULT_SAMPLES = 64
@@ -72,7 +72,9 @@ class Renderer:
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
         self.camera = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
         if fault := self.camera.fault():
-            raise SceneError(f"camera {camera if isinstance(camera, str) else ''}: {fault}".replace(" :", ":"))
+            raise SceneError(
+                f"camera {camera if isinstance(camera, str) else ''}: {fault}".replace(" :", ":")
+            )
         self.resolution = resolution or default_resolution(scene, self.camera)
         if min(self.resolution) < 1:
             raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
@@ -90,7 +92,10 @@ class Renderer:
             scene.warn(warning)
         settings = scene.settings
         self._camera_record = self.camera.record(
-            *self.resolution, self._upload.origin, settings.pixelAspectRatio, settings.aspectRatioConformPolicy
+            *self.resolution,
+            self._upload.origin,
+            settings.pixelAspectRatio,
+            settings.aspectRatioConformPolicy,
         )
         self._film = Film(*self.resolution, device, filter)
         self._seconds = {"prepare": time.perf_counter() - start}
@@ -133,7 +138,9 @@ class Renderer:
         buffers, values = OutputBuffers(), {}
         for name in self.plan.outputs.outputs:
             output = OUTPUTS[name]
-            values[name] = wp.full((height, width), output.dtype(output.clear), output.dtype, device=self.device)
+            values[name] = wp.full(
+                (height, width), output.dtype(output.clear), output.dtype, device=self.device
+            )
             setattr(buffers, name, values[name])
         launch_outputs(
             self.plan.outputs, self._upload.record, self._camera_record, buffers, self.device, self.threads
@@ -152,7 +159,11 @@ class Renderer:
         """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
         self._film.clear()
         request = self._path_request(seed)
-        limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
+        limit = (
+            samples
+            if samples is not None
+            else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
+        )
         taken, batch, start = 0, 1, time.perf_counter()
         try:
             while taken < limit:
@@ -201,11 +212,15 @@ class Renderer:
         stats["plan"] = self.plan.as_dict()
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
-        receipt = make_receipt(self.scene, self.plan, self.request, self.resolution, samples, seed, self.device)
+        receipt = make_receipt(
+            self.scene, self.plan, self.request, self.resolution, samples, seed, self.device
+        )
         return Frame(ordered, stats, receipt)
 
 
-def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int | None = None, **options) -> Frame:
+def render(
+    scene: Scene, resolution: tuple[int, int] | None = None, samples: int | None = None, **options
+) -> Frame:
     """Render one frame: `Renderer(scene, resolution=resolution, …).render(samples=samples, …)`.
 
     Args:

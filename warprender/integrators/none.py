@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import warp as wp
 
@@ -19,7 +19,7 @@ from ..visibility.rays import closest_after_function, closest_function
 MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
 
 
-@lru_cache(maxsize=None)
+@cache
 def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     """The kernel for a key; item i is pixel i in rows from the top."""
     camera_ray = camera_ray_function(key.camera)
@@ -66,7 +66,12 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
 
 
 def launch_outputs(
-    key: OutputsKey, scene: DeviceScene, camera: CameraRecord, buffers: OutputBuffers, device: str, threads: int
+    key: OutputsKey,
+    scene: DeviceScene,
+    camera: CameraRecord,
+    buffers: OutputBuffers,
+    device: str,
+    threads: int,
 ) -> None:
     """Write the key's outputs for every pixel that sees something; the others keep their clear values."""
     count = camera.width * camera.height

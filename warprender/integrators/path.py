@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import warp as wp
 
@@ -103,7 +103,7 @@ def choose_light(scene: DeviceScene, u: float) -> int:
     return low
 
 
-@lru_cache(maxsize=None)
+@cache
 def transmittance_function(key: PathKey) -> wp.Function:
     """`transmittance(scene, ray)`: 1 where nothing is in the way; what clear surfaces let through otherwise."""
     occluded = occluded_function(key.shapes)
@@ -131,7 +131,7 @@ def transmittance_function(key: PathKey) -> wp.Function:
     return transmittance
 
 
-@lru_cache(maxsize=None)
+@cache
 def radiance_function(key: PathKey) -> wp.Function:
     """`radiance(scene, request, ray, sample) -> PathResult`: one estimate of what a camera ray sees."""
     closest = closest_function(key.shapes)
@@ -195,7 +195,7 @@ def radiance_function(key: PathKey) -> wp.Function:
             tangent = tangent_of(surface.normal)
             wo = to_frame(tangent, surface.normal, surface.outgoing)
             lobe = random_pair(sample, step, DIMENSION_LOBE)
-            scattered = sample_bsdf(bsdf, wo, random_pair(sample, step, DIMENSION_BSDF), lobe[0])
+            scattered = sample_bsdf(scene, bsdf, wo, random_pair(sample, step, DIMENSION_BSDF), lobe[0])
             if wp.static(straight_through):
                 if scattered.event == EVENT_PASS:
                     diffuse_throughput = wp.cw_mul(diffuse_throughput, scattered.specular)
@@ -217,7 +217,7 @@ def radiance_function(key: PathKey) -> wp.Function:
                 light = scene.lights[index]
                 aimed = sample_light(light, surface.position, random_pair(sample, step, DIMENSION_LIGHT))
                 if aimed.pdf > 0.0 and wp.dot(surface.geometric_normal, aimed.direction) > 0.0:
-                    value = evaluate(bsdf, wo, to_frame(tangent, surface.normal, aimed.direction))
+                    value = evaluate(scene, bsdf, wo, to_frame(tangent, surface.normal, aimed.direction))
                     response = value.diffuse * light.diffuse + value.specular * light.specular
                     if max_component(response) > 0.0:
                         density = aimed.pdf * light.choice
@@ -262,7 +262,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     return radiance
 
 
-@lru_cache(maxsize=None)
+@cache
 def path_kernel(key: PathKey) -> wp.Kernel:
     """The kernel for a key; item i is pixel i in rows from the top, which no other item writes."""
     camera_ray = camera_ray_function(key.camera)
@@ -289,7 +289,9 @@ def path_kernel(key: PathKey) -> wp.Kernel:
             rays += result.rays
             if is_finite(result.radiance):
                 value = wp.vec3d(
-                    wp.float64(result.radiance[0]), wp.float64(result.radiance[1]), wp.float64(result.radiance[2])
+                    wp.float64(result.radiance[0]),
+                    wp.float64(result.radiance[1]),
+                    wp.float64(result.radiance[2]),
                 )
                 total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
                 squares += wp.cw_mul(value, value)

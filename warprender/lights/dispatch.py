@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import warp as wp
 
@@ -18,7 +18,7 @@ def kind_of(name: str) -> int:
     return [kind.__name__ for kind in LIGHTS].index(name)
 
 
-@lru_cache(maxsize=None)
+@cache
 def light_functions(names: tuple[str, ...]) -> tuple[wp.Function, wp.Function]:
     """`sample(light, p, u)` and `meet(light, origin, direction)` over these kinds."""
     first, *others = [kind_of(name) for name in names] or [kind_of("DomeLight")]

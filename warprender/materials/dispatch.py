@@ -6,7 +6,7 @@ module's hash, and another plan's binary would run silently.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import warp as wp
 
@@ -22,9 +22,9 @@ def kind_of(name: str) -> int:
     return [m.__name__ for m in MATERIALS].index(name)
 
 
-@lru_cache(maxsize=None)
+@cache
 def material_functions(names: tuple[str, ...]) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """`prepare(scene, surface)`, `evaluate(bsdf, wo, wi)` and `sample(bsdf, wo, u, lobe)` over these kinds."""
+    """`prepare(scene, surface)`, `evaluate(scene, bsdf, wo, wi)` and `sample(scene, bsdf, wo, u, lobe)`."""
     kinds = [kind_of(name) for name in names] or [0]
     first, *others = kinds
     prepare, evaluate, sample = _last(first)
@@ -58,15 +58,15 @@ def _link(
         return rest_prepare(scene, surface)
 
     @wp.func
-    def evaluate(bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfValue:
+    def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfValue:
         if bsdf.kind == wp.static(kind):
-            return this_evaluate(bsdf, wo, wi)
-        return rest_evaluate(bsdf, wo, wi)
+            return this_evaluate(scene, bsdf, wo, wi)
+        return rest_evaluate(scene, bsdf, wo, wi)
 
     @wp.func
-    def sample(bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float) -> BsdfSample:
+    def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float) -> BsdfSample:
         if bsdf.kind == wp.static(kind):
-            return this_sample(bsdf, wo, u, lobe)
-        return rest_sample(bsdf, wo, u, lobe)
+            return this_sample(scene, bsdf, wo, u, lobe)
+        return rest_sample(scene, bsdf, wo, u, lobe)
 
     return prepare, evaluate, sample

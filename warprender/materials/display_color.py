@@ -75,7 +75,7 @@ def scatter_probability(bsdf: Bsdf) -> float:
 
 
 @wp.func
-def evaluate(bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfValue:
+def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfValue:
     """Lambert: f cos θ = albedo cos θ / π."""
     value = BsdfValue()
     if wi[2] > 0.0 and wo[2] > 0.0:
@@ -85,7 +85,7 @@ def evaluate(bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfValue:
 
 
 @wp.func
-def sample(bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float) -> BsdfSample:
+def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float) -> BsdfSample:
     """Cosine-weighted, or straight through."""
     result = BsdfSample()
     p = scatter_probability(bsdf)

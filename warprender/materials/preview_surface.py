@@ -1,9 +1,9 @@
 """UsdPreviewSurface (specification 2.5, and 2.6 for `opacityMode`) with constant inputs.
 
-Two departures that a path tracer needs, because the specification's sum of lobes gains energy at grazing angles:
-the diffuse part passes the interface with the smallest of 1 - F at the half-vector, at the viewer and at the light
-(reciprocal, and the specification's own factor wherever the three agree), and a clearcoat dims what is below it by
-the same rule.
+The specification adds its lobes up, which reflects more than arrives at grazing angles. A path tracer cannot: here
+the diffuse part keeps the specification's value wherever the sum of directional albedos stays below 1, and is scaled
+down to it elsewhere, at the viewer and at the light alike, so that it stays reciprocal. A clearcoat dims what lies
+below it by its own directional albedo.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from ..records import (
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
+from .albedo import white_albedo
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -130,17 +131,13 @@ def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:
         opacity = wp.where(opacity >= opacity_inputs[1], 1.0, 0.0)
     bsdf.diffuse = bsdf.diffuse * opacity
     bsdf.pass_through = 1.0 - opacity
-    if opacity_inputs[2] > 0.5 or opacity_inputs[1] > 0.0:
-        # All of the surface fades: what is left of it is scaled, and the interface does not reflect the rest.
+    presence = opacity_inputs[2] > 0.5 or opacity_inputs[1] > 0.0
+    if presence:
         bsdf.f0 = bsdf.f0 * opacity
         bsdf.f90 = bsdf.f90 * opacity
         bsdf.coat = bsdf.coat * opacity
         bsdf.emission = bsdf.emission * opacity
-    elif opacity < 1.0:
-        cos_theta = wp.abs(wp.dot(surface.normal, surface.outgoing))
-        reflected = max_component(schlick(bsdf.f0, bsdf.f90, cos_theta))
-        coat = bsdf.coat * (bsdf.coat_f0 + (1.0 - bsdf.coat_f0) * schlick_weight(cos_theta))
-        bsdf.pass_through = bsdf.pass_through * wp.max(0.0, 1.0 - reflected) * (1.0 - coat)
+    bsdf.pass_through = bsdf.pass_through * clear_share(scene, bsdf, surface, presence)
     return bsdf
 
 
@@ -151,11 +148,51 @@ def coat_fresnel(bsdf: Bsdf, cos_theta: float) -> float:
 
 
 @wp.func
-def lobe_probabilities(bsdf: Bsdf, wo: wp.vec3) -> wp.vec4:
-    """Probability of sampling the diffuse, specular, clearcoat and straight-through lobe."""
-    coat = coat_fresnel(bsdf, wo[2])
-    specular = max_component(schlick(bsdf.f0, bsdf.f90, wo[2])) * (1.0 - coat)
-    diffuse = max_component(bsdf.diffuse) * (1.0 - coat) * wp.max(0.0, 1.0 - specular)
+def clear_share(scene: DeviceScene, bsdf: Bsdf, surface: Surface, presence: bool) -> float:
+    """What is left for light to go straight through: all of it where the whole surface fades."""
+    if presence or bsdf.pass_through <= 0.0:
+        return 1.0
+    cosine = wp.dot(surface.normal, surface.outgoing)
+    reflected = max_component(specular_albedo(bsdf, white_albedo(scene.albedo, cosine, bsdf.alpha)))
+    return wp.max(0.0, 1.0 - reflected) * (1.0 - coat_albedo(scene, bsdf, cosine))
+
+
+@wp.func
+def specular_albedo(bsdf: Bsdf, white: wp.vec3) -> wp.vec3:
+    """Directional albedo of the specular lobe."""
+    return bsdf.f0 * (white[0] - white[1]) + bsdf.f90 * white[1]
+
+
+@wp.func
+def coat_albedo(scene: DeviceScene, bsdf: Bsdf, cosine: float) -> float:
+    """Directional albedo of the clearcoat."""
+    if bsdf.coat <= 0.0:
+        return 0.0
+    white = white_albedo(scene.albedo, cosine, bsdf.coat_alpha)
+    return bsdf.coat * (bsdf.coat_f0 * (white[0] - white[1]) + white[1])
+
+
+@wp.func
+def diffuse_scale(bsdf: Bsdf, white: wp.vec3) -> float:
+    """Factor at most 1 that keeps diffuse and specular albedo together at most 1."""
+    ones = wp.vec3(1.0, 1.0, 1.0)
+    passed = ones - bsdf.f0 * (1.0 - white[2]) - bsdf.f90 * white[2]
+    diffuse = wp.cw_mul(bsdf.diffuse, wp.max(passed, wp.vec3(0.0, 0.0, 0.0)))
+    left = wp.max(ones - specular_albedo(bsdf, white), wp.vec3(0.0, 0.0, 0.0))
+    scale = wp.float32(1.0)
+    for c in range(3):
+        if diffuse[c] > left[c]:
+            scale = wp.min(scale, left[c] / diffuse[c])
+    return scale
+
+
+@wp.func
+def lobe_probabilities(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3) -> wp.vec4:
+    """Probability of sampling the diffuse, specular, clearcoat and straight-through lobe: by their albedos."""
+    white = white_albedo(scene.albedo, wo[2], bsdf.alpha)
+    coat = coat_albedo(scene, bsdf, wo[2])
+    specular = max_component(specular_albedo(bsdf, white)) * (1.0 - coat)
+    diffuse = max_component(bsdf.diffuse) * diffuse_scale(bsdf, white) * (1.0 - coat)
     total = diffuse + specular + coat + bsdf.pass_through
     if total <= 0.0:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
@@ -163,23 +200,20 @@ def lobe_probabilities(bsdf: Bsdf, wo: wp.vec3) -> wp.vec4:
 
 
 @wp.func
-def coat_transmission(bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3, half_cos: float) -> float:
-    """What the clearcoat lets through to the lobes below, in both directions."""
-    if bsdf.coat <= 0.0:
-        return 1.0
-    return 1.0 - coat_fresnel(bsdf, wp.min(half_cos, wp.min(wo[2], wi[2])))
+def diffuse_lobe(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3, half_cos: float) -> wp.vec3:
+    """F cos θ of the diffuse part."""
+    if max_component(bsdf.diffuse) <= 0.0:
+        return wp.vec3(0.0, 0.0, 0.0)
+    scale = wp.min(
+        diffuse_scale(bsdf, white_albedo(scene.albedo, wo[2], bsdf.alpha)),
+        diffuse_scale(bsdf, white_albedo(scene.albedo, wi[2], bsdf.alpha)),
+    )
+    passed = wp.vec3(1.0, 1.0, 1.0) - schlick(bsdf.f0, bsdf.f90, half_cos)
+    return wp.cw_mul(bsdf.diffuse, wp.max(passed, wp.vec3(0.0, 0.0, 0.0))) * (scale * INV_PI * wi[2])
 
 
 @wp.func
-def diffuse_lobe(bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3, half_cos: float) -> wp.vec3:
-    """f cos θ of the diffuse part; Schlick's F is largest at the smallest cosine."""
-    reflected = schlick(bsdf.f0, bsdf.f90, wp.min(half_cos, wp.min(wo[2], wi[2])))
-    passed = wp.vec3(1.0, 1.0, 1.0) - reflected
-    return wp.cw_mul(bsdf.diffuse, wp.max(passed, wp.vec3(0.0, 0.0, 0.0))) * (INV_PI * wi[2])
-
-
-@wp.func
-def evaluate(bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfValue:
+def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfValue:
     """All lobes but the delta ones, with the pdf of `sample`."""
     value = BsdfValue()
     if wo[2] <= 0.0 or wi[2] <= 0.0:
@@ -191,9 +225,9 @@ def evaluate(bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfValue:
         return value
     h = h / length
     half_cos = wp.clamp(wp.dot(wo, h), 0.0, 1.0)
-    probability = lobe_probabilities(bsdf, wo)
-    below_coat = coat_transmission(bsdf, wo, wi, half_cos)
-    value.diffuse = diffuse_lobe(bsdf, wo, wi, half_cos) * below_coat
+    probability = lobe_probabilities(scene, bsdf, wo)
+    below_coat = 1.0 - wp.max(coat_albedo(scene, bsdf, wo[2]), coat_albedo(scene, bsdf, wi[2]))
+    value.diffuse = diffuse_lobe(scene, bsdf, wo, wi, half_cos) * below_coat
     value.pdf = probability[0] * cosine_hemisphere_pdf(wi[2])
     if bsdf.alpha >= SMALLEST_ALPHA:
         fresnel = schlick(bsdf.f0, bsdf.f90, half_cos)
@@ -217,16 +251,16 @@ def mirror(bsdf: Bsdf, wo: wp.vec3, weight: wp.vec3, probability: float) -> Bsdf
 
 
 @wp.func
-def sample(bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float) -> BsdfSample:
+def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float) -> BsdfSample:
     """Pick a lobe, sample it, and weigh by the pdf of all lobes that could have given the direction."""
     result = BsdfSample()
-    probability = lobe_probabilities(bsdf, wo)
+    probability = lobe_probabilities(scene, bsdf, wo)
     wi = wp.vec3(0.0, 0.0, 0.0)
     if lobe < probability[0]:
         wi = cosine_hemisphere(u)
     elif lobe < probability[0] + probability[1]:
         if bsdf.alpha < SMALLEST_ALPHA:
-            below_coat = 1.0 - coat_fresnel(bsdf, wo[2])
+            below_coat = 1.0 - coat_albedo(scene, bsdf, wo[2])
             return mirror(bsdf, wo, schlick(bsdf.f0, bsdf.f90, wo[2]) * below_coat, probability[1])
         h = ggx_visible_normal(wo, bsdf.alpha, u)
         wi = h * (2.0 * wp.dot(wo, h)) - wo
@@ -240,7 +274,7 @@ def sample(bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float) -> BsdfSample:
         result.direction = -wo
         result.specular = wp.vec3(bsdf.pass_through / probability[3])
         return result
-    value = evaluate(bsdf, wo, wi)
+    value = evaluate(scene, bsdf, wo, wi)
     if value.pdf > 0.0:
         result.event = EVENT_SCATTER
         result.direction = wi

@@ -93,7 +93,9 @@ def interpolate(
     corner = vertices
     if primvar.interpolation == 3:
         corner = wp.vec3i(
-            primvar.indices[3 * triangle], primvar.indices[3 * triangle + 1], primvar.indices[3 * triangle + 2]
+            primvar.indices[3 * triangle],
+            primvar.indices[3 * triangle + 1],
+            primvar.indices[3 * triangle + 2],
         )
     a = value_at(primvar, corner[0])
     return a + (value_at(primvar, corner[1]) - a) * u + (value_at(primvar, corner[2]) - a) * v

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import warp as wp
 
@@ -44,7 +44,9 @@ def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surfac
     surface.hit = hit
     surface.geometry = instance.geometry
     surface.position = instance.linear * local.position + instance.translation
-    surface.error = transformed_point_error(instance.linear, instance.translation, local.position, local.error)
+    surface.error = transformed_point_error(
+        instance.linear, instance.translation, local.position, local.error
+    )
     surface.outgoing = -safe_normalize(ray.direction)
     cotangent = wp.transpose(instance.inverse)
     n = safe_normalize(cotangent * local.geometric_normal)
@@ -62,7 +64,7 @@ def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surfac
     return surface
 
 
-@lru_cache(maxsize=None)
+@cache
 def surface_function(shapes: tuple[str, ...]) -> wp.Function:
     """`surface_at(scene, ray, hit)` for hits on these kinds of shapes, by class name."""
     with_spheres = "Sphere" in shapes

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import warp as wp
 
@@ -25,7 +25,7 @@ def miss() -> Hit:
     return hit
 
 
-@lru_cache(maxsize=None)
+@cache
 def closest_function(shapes: tuple[str, ...]) -> wp.Function:
     """`closest(scene, ray) -> Hit` over these kinds of shapes, by class name."""
     with_spheres, with_meshes = "Sphere" in shapes, "Mesh" in shapes
@@ -68,7 +68,7 @@ def closest_function(shapes: tuple[str, ...]) -> wp.Function:
     return closest
 
 
-@lru_cache(maxsize=None)
+@cache
 def occluded_function(shapes: tuple[str, ...]) -> wp.Function:
     """`occluded(scene, ray) -> bool` over these kinds of shapes, by class name."""
     with_spheres, with_meshes = "Sphere" in shapes, "Mesh" in shapes
@@ -99,7 +99,7 @@ def occluded_function(shapes: tuple[str, ...]) -> wp.Function:
     return occluded
 
 
-@lru_cache(maxsize=None)
+@cache
 def closest_after_function(shapes: tuple[str, ...]) -> wp.Function:
     """`closest_after(scene, ray, hit) -> Hit`: the next hit of the same ray behind `hit`."""
     closest = closest_function(shapes)
