@@ -161,6 +161,12 @@ def test_frames_go_to_one_file_each(recorder, tmp_path, capsys):
     }  # fmt: skip
 
 
+def test_outputs_that_the_format_drops_are_named(recorder, capsys):
+    assert main(["render", "a.usda", "a.png", "-w", "2", "--aov", "color,depth,primId"]) == 0
+    expected = "warprender: warning: a.png: this format does not keep depth, primId; .exr holds all\n"
+    assert capsys.readouterr().err == expected
+
+
 def test_an_interrupted_frame_is_saved_and_ends_the_range(recorder, tmp_path, capsys):
     recorder.stats["interrupted"] = True
     assert main(["render", "a.usda", "a.#.png", "-f", "1:3", "-w", "2"]) == 130
@@ -185,7 +191,7 @@ def test_an_interruption_before_the_first_pass_says_so(recorder, monkeypatch, ca
         (["a.usda", "no/a.png"], "no/a.png: the folder no does not exist"),
         (["a.usda", "a.###.png"], "needs --frames"),
         (["a.usda", "a.png", "-f", "1"], "exactly one placeholder"),
-        (["a.usda", "a.png", "--aov", "depth"], "only .exr"),
+        (["a.usda", "a.png", "--aov", "depth"], "--aov has no color"),
         (["a.usda", "a.png", "--stats", "no/s.json"], "no/s.json: the folder no does not exist"),
         (["a.usda", "a.png", "--camera", "nobody"], "there is no camera nobody"),
         (["a.usda", "a.png", "--device", "nonsense"], "--device nonsense: "),

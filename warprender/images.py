@@ -44,9 +44,9 @@ def check_destination(path: str | Path) -> None:
         raise ValueError(f"{path}: is a folder")
 
 
-def holds(path: str | Path, outputs: Iterable[str]) -> bool:
-    """Whether the format of `path` has something to keep of these outputs: EXR any, the others `color`."""
-    return Path(path).suffix.lower() in LAYERED_FORMATS or "color" in outputs
+def kept(path: str | Path, outputs: Iterable[str]) -> list[str]:
+    """Those of the outputs that the format of `path` keeps: all in EXR, `color` in the others."""
+    return [name for name in outputs if name == "color" or Path(path).suffix.lower() in LAYERED_FORMATS]
 
 
 def write(
@@ -71,7 +71,7 @@ def write(
     path = Path(path)
     suffix = path.suffix.lower()
     check_destination(path)
-    if not holds(path, layers):
+    if not kept(path, layers):
         raise ValueError(f"{path}: {suffix} holds color alone, and there is none; .exr holds all")
     if suffix in LAYERED_FORMATS:
         return write_exr(path, layers, metadata, half)
@@ -99,11 +99,13 @@ def write_png(
     """
     check_destination(path)
     pixels = display_bytes(rgba, color_correction)
-    if Path(path).suffix.lower() in (".jpg", ".jpeg"):
+    suffix = Path(path).suffix.lower()
+    if suffix in (".jpg", ".jpeg"):
         pixels = np.ascontiguousarray(pixels[..., :3])
     spec = _spec(pixels, None, oiio.UINT8, metadata)
-    # Colours are written as they are: without this OpenImageIO divides them by alpha.
-    spec.attribute("oiio:UnassociatedAlpha", 1)
+    if suffix == ".png":
+        # Colours are written as they are: without this OpenImageIO divides them by alpha.
+        spec.attribute("oiio:UnassociatedAlpha", 1)
     spec.attribute("oiio:ColorSpace", "sRGB" if color_correction == "sRGB" else "lin_rec709")
     _write_parts(path, [(spec, pixels)])
 

@@ -36,9 +36,9 @@ def run(args: argparse.Namespace) -> int:
     from .request import remarks, times
 
     paths = frame_paths(args.output, args.frames)
-    _check_destinations(args, paths)
     warnings = Warnings()
     warnings.show(remarks(args))
+    warnings.show(_check_destinations(args, paths))
     start_warp(args.device)
     finished = []
     for time, path in zip(times(args), paths, strict=True):
@@ -69,8 +69,8 @@ def _draw(args: argparse.Namespace, time: float | None, title: str, warnings: Wa
         return frame
 
 
-def _check_destinations(args: argparse.Namespace, paths: list[str]) -> None:
-    """Find now what would stop the pictures from being saved after a long render.
+def _check_destinations(args: argparse.Namespace, paths: list[str]) -> list[str]:
+    """Find now what would stop the pictures from being saved after a long render; returns warnings.
 
     Raises:
         ValueError: an unknown extension, a missing folder, or outputs that the format cannot hold.
@@ -80,7 +80,11 @@ def _check_destinations(args: argparse.Namespace, paths: list[str]) -> None:
 
     for path in paths:
         images.check_destination(path)
-    if not images.holds(paths[0], outputs(args)):
-        raise ValueError(f"{paths[0]}: only .exr holds outputs without color")
+    asked = outputs(args)
+    kept = images.kept(paths[0], asked)
+    if not kept:
+        raise ValueError(f"{paths[0]}: this format holds color alone, and --aov has no color; .exr holds all")
     if args.stats and not Path(args.stats).absolute().parent.is_dir():
         raise ValueError(f"{args.stats}: the folder {Path(args.stats).parent} does not exist")
+    lost = ", ".join(name for name in asked if name not in kept)
+    return [f"{paths[0]}: this format does not keep {lost}; .exr holds all"] if lost else []
