@@ -13,12 +13,9 @@ from .shapes import Mesh
 #: Name of the camera that usdrecord takes when none is asked for.
 MAIN_CAMERA = "main_cam"
 
-#: Path that stands for the automatic camera in messages.
-AUTOMATIC = "the automatic camera"
-
 
 def choose_camera(scene: Scene, name: str | None = None) -> Camera:
-    """The camera to render with: `name`, else the render settings' one, else `main_cam`, else automatic framing.
+    """The camera to render with: `name`, else the render settings', else `main_cam`, else automatic framing.
 
     Args:
         scene: the scene.
@@ -55,10 +52,10 @@ def auto_camera(scene: Scene) -> Camera:
         distance += near
     transform = np.eye(4)
     if scene.up_axis == "Y":
-        transform[3, :3] = centre + (0, 0, distance)
+        transform[3, :3] = centre + np.array([0, 0, distance])
     else:
         transform[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
-        transform[3, :3] = centre - (0, distance, 0)
+        transform[3, :3] = centre - np.array([0, distance, 0])
     # usdrecord keeps the far plane at 1e6 and loses what lies behind it; a picture of everything needs more.
     far = max(far, 2 * (distance + size[deep]))
     return replace(camera, clippingRange=(near, far), transform=transform)

@@ -70,7 +70,7 @@ class Scene:
         up_axis: "Y" or "Z".
         meters_per_unit: scene units in metres; lights are not scaled by it.
         source: file that the scene was read from, "" for one built in Python.
-        bounds: (2, 3) float64 world box of what is drawn, as the stage states it; None to take the placements'.
+        bounds: (2, 3) float64 world box of what is drawn, as the stage states it, or None.
         warnings: one line for each thing that the stage asks for and that is not drawn as asked.
     """
 

@@ -54,6 +54,8 @@ def read_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
     """A mesh prim, or None where there is nothing to draw."""
     schema = UsdGeom.Mesh(prim)
     points = _read_points(reading, schema)
+    if points is None:
+        return None
     topology = read_topology(reading, schema, points)
     if not len(topology.counts):
         return None
@@ -78,13 +80,14 @@ def read_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
     return mesh
 
 
-def _read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray:
-    """(N, 3) float32, none where the attribute was authored with a type that is no list of points."""
-    points = np.asarray(reading.get(schema.GetPointsAttr()) or np.zeros((0, 3)))
+def _read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray | None:
+    """(N, 3) float32; None, with a remark, where the attribute holds something that is no list of points."""
+    value = reading.get(schema.GetPointsAttr())
+    points = np.asarray(value) if value is not None else np.zeros((0, 3))
     if points.ndim == 2 and points.shape[1] == 3 and points.dtype.kind in "fiu":
         return points.astype(np.float32)
-    reading.remark(schema.GetPrim(), f"points is of type {schema.GetPointsAttr().GetTypeName()}")
-    return np.zeros((0, 3), np.float32)
+    reading.remark(schema.GetPrim(), f"points holds no list of points but a {type(value).__name__}")
+    return None
 
 
 def read_topology(reading: Reading, schema: UsdGeom.Mesh, points: np.ndarray) -> Topology:

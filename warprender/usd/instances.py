@@ -48,6 +48,7 @@ def expand(
     prim = instancer.GetPrim()
     if str(prim.GetPath()) in frame.instancers:
         reading.remark(prim, "it is among its own prototypes")
+        reading.sound_instancers = False
         return []
     prototypes = instancer.GetPrototypesRel().GetForwardedTargets()
     indices = np.array(reading.get(instancer.GetProtoIndicesAttr()) or [], np.int64)
@@ -61,6 +62,7 @@ def expand(
     finite = np.isfinite(matrices).all((1, 2))
     if not in_range.all():
         reading.remark(prim, f"{np.sum(~in_range)} protoIndices are outside 0…{len(prototypes) - 1}")
+        reading.sound_instancers = False
     if not finite.all():
         reading.remark(prim, f"{np.sum(~finite)} instances have transforms that are not finite")
     drawn &= in_range & finite

@@ -160,7 +160,13 @@ def _unique(taken: Mapping[str, object], visit: Visit) -> str:
 
 
 def _world_bounds(reading: Reading) -> np.ndarray | None:
-    """World box (2, 3) float64 of the drawn purposes, None where the stage has none or a senseless one."""
+    """World box (2, 3) float64 of the drawn purposes, None where the stage has none or a senseless one.
+
+    usdrecord frames what `BBoxCache` answers, authored extents included. It follows protoIndices wherever
+    they point, and recurses without end into an instancer that is its own prototype: not asked then.
+    """
+    if not reading.sound_instancers:
+        return None
     cache = UsdGeom.BBoxCache(reading.time, sorted(reading.purposes), useExtentsHint=True)
     try:
         box = cache.ComputeWorldBound(reading.stage.GetPseudoRoot()).ComputeAlignedRange()

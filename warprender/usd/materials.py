@@ -86,7 +86,7 @@ def _is_connected(source: UsdShade.Input | None) -> bool:
 
 
 def _converted(value: object, default: object) -> object:
-    """The value as the type of the field's default; raises ValueError where it is not finite or no such type."""
+    """The value as the type of the field's default; ValueError where it is not finite or of another type."""
     if isinstance(default, str):
         return str(value)
     numbers = np.asarray(value, np.float64).reshape(-1)

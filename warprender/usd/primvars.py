@@ -58,7 +58,7 @@ def checked(
     sizes: Mapping[str, int],
     components: int,
 ) -> Primvar | None:
-    """A `Primvar` of the values if they fit; too many are cut off, too few or bad ones ignored, each remarked."""
+    """A `Primvar` if the values fit; too many are cut off, too few or bad ones ignored, with a remark."""
     values = np.asarray(value)
     if values.dtype.kind not in "fiu" or values.size % components:
         reading.remark(prim, f"{name} is ignored: its values have not {components} components")

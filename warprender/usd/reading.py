@@ -28,6 +28,7 @@ class Reading:
         level: subdivision level, 0 draws the cage.
         scene: the scene being filled.
         shapes: shapes read so far by what determines them, so that instances share one.
+        sound_instancers: whether USD's own code may look at the point instancers without crashing.
         remarks: message to the prims that it is about: the path that stands in the scene, by the path of the
             prim itself, which instances share.
     """
@@ -38,10 +39,11 @@ class Reading:
     level: int = 0
     scene: Scene = field(default_factory=Scene)
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
+    sound_instancers: bool = True
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def remark(self, prim: Usd.Prim, message: str) -> None:
-        """Note that something about `prim` is not drawn as the stage asks; said once for all its instances."""
+        """Note that something about `prim` is not drawn as the stage asks, once for all its instances."""
         paths = self.remarks.setdefault(message, {})
         paths.setdefault(str(shared_prim(prim).GetPath()), str(prim.GetPath()))
 

@@ -21,7 +21,7 @@ def read_settings(reading: Reading) -> None:
         if width > 0 and height > 0:
             settings.resolution = (int(width), int(height))
         else:
-            reading.remark(prim, f"resolution {width}×{height} is ignored")
+            reading.remark(prim, f"resolution {width} by {height} is ignored")
     settings.camera = _camera(reading, schema)
     settings.pixelAspectRatio = float(reading.get(schema.GetPixelAspectRatioAttr()))
     settings.aspectRatioConformPolicy = str(reading.get(schema.GetAspectRatioConformPolicyAttr()))

@@ -1,0 +1,66 @@
+"""Opening stages: files, metadata, USD's own diagnostics, and the assets shared with this project."""
+
+from pathlib import Path
+
+import pytest
+from usd_stage import scene_of
+
+from warprender.scene import SceneError
+from warprender.usd import load, parse_variants
+
+ASSETS = Path(__file__).parents[2] / "shared" / "usd_assets"
+SOME_ASSETS = (
+    "arnold_regression/test_0202/data/test.usda",
+    "lux_analytic/rect_normalized.usda",
+    "openusd_baselines/ColorOpacityPrimvar/color_opacity_primvar.usda",
+    "openusd_baselines/Instancing/ni_pi.usda",
+    "wg_normals_bias_scale/NormalsTextureBiasAndScale.usdz",
+    "wg_test_assets/schemaTests/usdGeom/meshes/points_types/pointsTypes.usda",
+    "wg_test_assets/schemaTests/usdGeom/transforms/weird_matrix_transform.usda",
+)
+
+
+@pytest.mark.parametrize("text", [None, "this is no stage", "#usda 1.0\n( framesPerSecond = 0 )\n"])
+def test_a_file_that_is_no_stage_is_an_error_that_names_it(tmp_path, text):
+    file = tmp_path / "broken.usda"
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(SceneError, match=r"broken\.usda") as error:
+        load(file)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_reference_is_a_warning_and_not_a_line_on_stderr(tmp_path, capfd):
+    file = tmp_path / "s.usda"
+    file.write_text('#usda 1.0\ndef "a" ( references = @missing.usda@ ) {\n}\ndef Sphere "s" {\n}\n')
+    scene = load(file)
+    assert "/s" in scene.placements
+    assert len(scene.warnings) == 1 and "missing.usda" in scene.warnings[0]
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("metadata", ['upAxis = "X"', "metersPerUnit = 0", "metersPerUnit = -1"])
+def test_senseless_metadata_is_a_warning(metadata):
+    scene = scene_of('def Sphere "s" { }', metadata)
+    assert (scene.up_axis, scene.meters_per_unit) == ("Y", 0.01)
+    assert len(scene.warnings) == 1
+
+
+def test_a_session_layer_wins(tmp_path):
+    session = tmp_path / "session.usda"
+    session.write_text('#usda 1.0\nover "s" {\n double radius = 7\n}\n')
+    scene = scene_of('def Sphere "s" { }', session_layer=session)
+    assert scene.placements["/s"].shape.radius == 7
+
+
+def test_variant_arguments():
+    assert parse_variants(["/a:x=1", "/a:y=2"]) == {"/a": {"x": "1", "y": "2"}}
+    with pytest.raises(SceneError, match="--variant"):
+        parse_variants(["a=1"])
+
+
+@pytest.mark.skipif(not ASSETS.exists(), reason="../shared/usd_assets is not there")
+@pytest.mark.parametrize("name", SOME_ASSETS)
+def test_shared_assets_load(name):
+    scene = load(ASSETS / name)
+    assert scene.placements or scene.warnings
