@@ -61,10 +61,9 @@ class Camera:
         near, far = self.clippingRange
         if self.projection not in ("perspective", "orthographic"):
             return f"projection {self.projection!r} is neither perspective nor orthographic"
-        if not (self.horizontalAperture > 0 and self.verticalAperture > 0):
-            return "an aperture is not above 0"
-        if self.projection == "perspective" and not self.focalLength > 0:
-            return "focalLength is not above 0"
+        for name in ("focalLength", "horizontalAperture", "verticalAperture"):
+            if not 0 < getattr(self, name) < np.inf:
+                return f"{name} is {getattr(self, name)}; this camera sees nothing"
         if not (near < far) or (self.projection == "perspective" and near <= 0):
             return f"clippingRange ({near:g}, {far:g}) is empty or starts behind the camera"
         if not np.isfinite(self.transform).all() or np.linalg.matrix_rank(self.transform[:3, :3]) < 3:

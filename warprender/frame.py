@@ -23,9 +23,7 @@ class Frame:
         receipt: what rendering it again needs: plan, seed, samples, versions, stage hash, flags; JSON-able.
     """
 
-    def __init__(
-        self, outputs: dict[str, wp.array], stats: dict | None = None, receipt: dict | None = None
-    ) -> None:
+    def __init__(self, outputs: dict[str, wp.array], stats: dict | None = None, receipt: dict | None = None) -> None:
         self.outputs = dict(outputs)
         self.stats = stats if stats is not None else {}
         self.receipt = receipt if receipt is not None else {}

@@ -34,7 +34,8 @@ def choose_camera(scene: Scene, name: str | None = None) -> Camera:
     if not path:
         return auto_camera(scene)
     camera = scene.cameras[path]
-    _check(path, camera)
+    if fault := camera.fault():
+        raise SceneError(f"{path}: {fault}")
     return camera
 
 
@@ -92,16 +93,3 @@ def _find(scene: Scene, name: str) -> str | None:
     if name in scene.cameras:
         return name
     return next((path for path in scene.cameras if path.rsplit("/", 1)[-1] == name), None)
-
-
-def _check(path: str, camera: Camera) -> None:
-    """Refuse a camera whose window has no extent, or whose place is not in the world."""
-    for field in ("focalLength", "horizontalAperture", "verticalAperture"):
-        value = getattr(camera, field)
-        if not (np.isfinite(value) and value > 0):
-            raise SceneError(f"{path}: {field} is {value}; this camera sees nothing")
-    near, far = camera.clippingRange
-    if not near < far:
-        raise SceneError(f"{path}: clippingRange ({near}, {far}) is empty")
-    if not np.isfinite(camera.transform).all() or np.linalg.det(camera.transform[:3, :3]) == 0:
-        raise SceneError(f"{path}: its transform is singular or not finite")

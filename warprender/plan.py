@@ -166,9 +166,7 @@ def _note(plan: RenderPlan, effect: str, reason: str, caller: str) -> None:
         plan.absent[effect] = caller
 
 
-def _effects(
-    plan: RenderPlan, family: str, kinds: set[str], callers: dict[str, str], caller: str
-) -> tuple[str, ...]:
+def _effects(plan: RenderPlan, family: str, kinds: set[str], callers: dict[str, str], caller: str) -> tuple[str, ...]:
     """Note each kind of a family with the first prim that calls for it; the names that occur, sorted."""
     for kind in sorted(kinds):
         _note(plan, f"{family} {kind}", callers.get(kind, ""), caller)

@@ -72,15 +72,11 @@ class Renderer:
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
         self.camera = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
         if fault := self.camera.fault():
-            raise SceneError(
-                f"camera {camera if isinstance(camera, str) else ''}: {fault}".replace(" :", ":")
-            )
+            raise SceneError(f"camera: {fault}")
         self.resolution = resolution or default_resolution(scene, self.camera)
         if min(self.resolution) < 1:
             raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
-        self.request = Request(
-            tuple(outputs), visibility, transport, bounces, dome_light_visible, lights_visible
-        )
+        self.request = Request(tuple(outputs), visibility, transport, bounces, dome_light_visible, lights_visible)
         with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = analyse(scene, self.camera, self.request, with_camera_light)
 
@@ -138,13 +134,9 @@ class Renderer:
         buffers, values = OutputBuffers(), {}
         for name in self.plan.outputs.outputs:
             output = OUTPUTS[name]
-            values[name] = wp.full(
-                (height, width), output.dtype(output.clear), output.dtype, device=self.device
-            )
+            values[name] = wp.full((height, width), output.dtype(output.clear), output.dtype, device=self.device)
             setattr(buffers, name, values[name])
-        launch_outputs(
-            self.plan.outputs, self._upload.record, self._camera_record, buffers, self.device, self.threads
-        )
+        launch_outputs(self.plan.outputs, self._upload.record, self._camera_record, buffers, self.device, self.threads)
         return values
 
     def _sample(
@@ -159,11 +151,7 @@ class Renderer:
         """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
         self._film.clear()
         request = self._path_request(seed)
-        limit = (
-            samples
-            if samples is not None
-            else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
-        )
+        limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
         taken, batch, start = 0, 1, time.perf_counter()
         try:
             while taken < limit:
@@ -212,15 +200,11 @@ class Renderer:
         stats["plan"] = self.plan.as_dict()
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
-        receipt = make_receipt(
-            self.scene, self.plan, self.request, self.resolution, samples, seed, self.device
-        )
+        receipt = make_receipt(self.scene, self.plan, self.request, self.resolution, samples, seed, self.device)
         return Frame(ordered, stats, receipt)
 
 
-def render(
-    scene: Scene, resolution: tuple[int, int] | None = None, samples: int | None = None, **options
-) -> Frame:
+def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int | None = None, **options) -> Frame:
     """Render one frame: `Renderer(scene, resolution=resolution, …).render(samples=samples, …)`.
 
     Args:

@@ -62,9 +62,7 @@ class Upload:
             boxes.append(box)
         table = np.concatenate(rows) if rows else np.zeros(0, InstanceRecord.numpy_dtype())
         box = np.concatenate(boxes) if boxes else np.zeros((0, 2, 3))
-        self.bounds = (
-            np.stack([box[:, 0].min(0), box[:, 1].max(0)]) if len(box) else np.tile(self.origin, (2, 1))
-        )
+        self.bounds = np.stack([box[:, 0].min(0), box[:, 1].max(0)]) if len(box) else np.tile(self.origin, (2, 1))
         self.record.instances = self._array(table, InstanceRecord)
         self.record.geometries = self._array(self._geometries, GeometryRecord)
         self.record.primvars = self._array(self._primvars, PrimvarRecord)
@@ -92,9 +90,7 @@ class Upload:
         with np.errstate(all="ignore"):
             good = np.isfinite(placement.transforms).all((1, 2)) & (np.linalg.cond(linear) < 1e12)
         if not good.all():
-            self.warnings.append(
-                f"{path}: {int((~good).sum())} singular or non-finite transforms are not drawn"
-            )
+            self.warnings.append(f"{path}: {int((~good).sum())} singular or non-finite transforms are not drawn")
         linear, translation = linear[good], translation[good]
         rows = np.zeros(len(linear), InstanceRecord.numpy_dtype())
         rows["geometry"] = geometry
@@ -128,9 +124,7 @@ class Upload:
                 corners = getattr(shape, "corners", np.zeros((0, 3), np.int32))
                 for name in _PRIMVARS:
                     primvar = shape.primvars.get(name)
-                    self._primvars.append(
-                        primvar.upload(corners, self.device) if primvar else absent_primvar()
-                    )
+                    self._primvars.append(primvar.upload(corners, self.device) if primvar else absent_primvar())
         return known[key]
 
     def _upload_sphere(self, sphere: Sphere) -> GeometryRecord | None:
@@ -143,23 +137,15 @@ class Upload:
         return record
 
     def _upload_mesh(self, path: str, mesh: Mesh, material: str) -> GeometryRecord | None:
-        points = (
-            mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points, np.float32)
-        )
+        points = mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points, np.float32)
         keep = _drawable(points, mesh.triangles)
         if not keep.all():
-            self.warnings.append(
-                f"{path}: {int((~keep).sum())} triangles with non-finite points are not drawn"
-            )
+            self.warnings.append(f"{path}: {int((~keep).sum())} triangles with non-finite points are not drawn")
         if not keep.any():
             return None
         triangles = mesh.triangles[keep]
         record = GeometryRecord()
-        if (
-            isinstance(mesh.points, wp.array)
-            and keep.all()
-            and mesh.points.device == wp.get_device(self.device)
-        ):
+        if isinstance(mesh.points, wp.array) and keep.all() and mesh.points.device == wp.get_device(self.device):
             record.points = mesh.points
         else:
             record.points = self._array(np.where(np.isfinite(points), points, 0.0), wp.vec3)
@@ -216,9 +202,7 @@ class Upload:
         determinant = abs(np.linalg.det(linear))
         row["kind"] = LIGHTS.index(type(light))
         if not np.isfinite(light.transform).all() or determinant <= 0.0:
-            self.warnings.append(
-                f"{path}: the light's transform is singular or not finite; it gives no light"
-            )
+            self.warnings.append(f"{path}: the light's transform is singular or not finite; it gives no light")
             return 0.0
         row["radiance"] = light.radiance()
         row["position"] = light.transform[3, :3] - self.origin

@@ -115,9 +115,7 @@ def _add_light_arguments(group: argparse._ArgumentGroup) -> None:
 
 
 def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--transport", default="auto", help="auto, none, local, direct, whitted or path (default: auto)"
-    )
+    group.add_argument("--transport", default="auto", help="auto, none, local, direct, whitted or path (default: auto)")
     group.add_argument("--visibility", default="auto", help="auto, rays or raster (default: auto)")
     group.add_argument("--samples", type=positive_int, help="samples for each pixel")
     group.add_argument("--error", type=positive_float, help="stop at this relative standard error")
@@ -132,9 +130,7 @@ def _add_device_arguments(group: argparse._ArgumentGroup) -> None:
         "--disableGpu", dest="device", action="store_const", const="cpu", help="the same as --device cpu"
     )
     group.add_argument("--threads", type=positive_int, help="CPU threads (default: all cores)")
-    group.add_argument(
-        "--renderer", "-r", metavar="NAME", help="read for usdrecord's sake; there is one renderer here"
-    )
+    group.add_argument("--renderer", "-r", metavar="NAME", help="read for usdrecord's sake; there is one renderer here")
 
 
 def names(text: str) -> list[str]:

@@ -61,9 +61,7 @@ def frame_paths(pattern: str, spec: FrameSpec | None) -> list[str]:
         needed = f"{whole}.{'#' * spec.decimals}"
         raise ValueError(f"{pattern}: these frames need {spec.decimals} decimals, as in {needed}")
     first, last = match.span(1)
-    return [
-        f"{pattern[:first]}{time:0{len(match[1])}.{len(fraction)}f}{pattern[last:]}" for time in spec.times
-    ]
+    return [f"{pattern[:first]}{time:0{len(match[1])}.{len(fraction)}f}{pattern[last:]}" for time in spec.times]
 
 
 def _parse_range(text: str) -> tuple[Decimal, int, Decimal]:

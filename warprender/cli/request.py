@@ -43,7 +43,7 @@ def load_scene(args: argparse.Namespace, time: float | None) -> Scene:
         mask=args.mask,
         session_layer=args.sessionLayer,
         complexity=args.complexity,
-        **({"render_settings": args.renderSettingsPrimPath} if args.renderSettingsPrimPath else {}),
+        render_settings=args.renderSettingsPrimPath,
     )
 
 

@@ -269,9 +269,7 @@ def path_kernel(key: PathKey) -> wp.Kernel:
     radiance = radiance_function(key)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def path(
-        first: wp.int32, scene: DeviceScene, camera: CameraRecord, request: PathRequest, film: FilmRecord
-    ):
+    def path(first: wp.int32, scene: DeviceScene, camera: CameraRecord, request: PathRequest, film: FilmRecord):
         pixel = first + wp.tid()
         x = pixel % camera.width
         y = pixel // camera.width

@@ -17,7 +17,7 @@ _SAMPLES = 1024
 
 @lru_cache(maxsize=1)
 def albedo_table() -> np.ndarray:
-    """(SIZE, SIZE, 3) float32 by cosine and roughness: GGX with F = 1, with F = (1 - cos)⁵, and Lambert with the latter.
+    """(SIZE, SIZE, 3) float32 by cosine and roughness: GGX with F = 1, with F = (1 - cos)⁵, and Lambert with that.
 
     By 1024 points of the Hammersley set over the visible normals, so that no entry is noisier than 1e-3.
     """
@@ -33,9 +33,7 @@ def albedo_table() -> np.ndarray:
     wi_length = np.sqrt(wi_z**2 + a * a * np.maximum(1 - wi_z**2, 0))
     wo_length = np.sqrt(z * z + a * a * (1 - z * z))
     # The weight of a sampled visible normal is G2 / G1.
-    weight = np.where(
-        wi_z > 0, wi_z * (z + wo_length) / np.maximum(z * wi_length + wi_z * wo_length, 1e-30), 0.0
-    )
+    weight = np.where(wi_z > 0, wi_z * (z + wo_length) / np.maximum(z * wi_length + wi_z * wo_length, 1e-30), 0.0)
     schlick = (1 - half_cos) ** 5
     table = np.zeros((SIZE, SIZE, 3), np.float32)
     table[..., 0] = weight.mean(-1)

@@ -35,9 +35,7 @@ class Primvar:
         if self.interpolation == "varying":
             self.interpolation = "vertex"
         if self.interpolation not in INTERPOLATIONS:
-            raise ValueError(
-                f"interpolation {self.interpolation!r} is not one of {', '.join(INTERPOLATIONS)}"
-            )
+            raise ValueError(f"interpolation {self.interpolation!r} is not one of {', '.join(INTERPOLATIONS)}")
         if self.indices is not None:
             self.indices = np.ascontiguousarray(self.indices, np.int32)
 
@@ -82,9 +80,7 @@ def value_at(primvar: PrimvarRecord, index: int) -> wp.vec4:
 
 
 @wp.func
-def interpolate(
-    primvar: PrimvarRecord, face: int, triangle: int, vertices: wp.vec3i, u: float, v: float
-) -> wp.vec4:
+def interpolate(primvar: PrimvarRecord, face: int, triangle: int, vertices: wp.vec3i, u: float, v: float) -> wp.vec4:
     """Value at the barycentrics (1 - u - v, u, v) of a triangle with these point indices, cut from `face`."""
     if primvar.interpolation == 0:
         return value_at(primvar, 0)

@@ -44,9 +44,7 @@ def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surfac
     surface.hit = hit
     surface.geometry = instance.geometry
     surface.position = instance.linear * local.position + instance.translation
-    surface.error = transformed_point_error(
-        instance.linear, instance.translation, local.position, local.error
-    )
+    surface.error = transformed_point_error(instance.linear, instance.translation, local.position, local.error)
     surface.outgoing = -safe_normalize(ray.direction)
     cotangent = wp.transpose(instance.inverse)
     n = safe_normalize(cotangent * local.geometric_normal)
@@ -76,9 +74,7 @@ def surface_function(shapes: tuple[str, ...]) -> wp.Function:
             if geometry.kind == 1:
                 instance = scene.instances[hit.instance]
                 origin = object_origin(instance, ray.origin)
-                return place(
-                    scene, ray, hit, sphere_surface(geometry, hit, origin, instance.inverse * ray.direction)
-                )
+                return place(scene, ray, hit, sphere_surface(geometry, hit, origin, instance.inverse * ray.direction))
         return place(scene, ray, hit, mesh_surface(geometry, hit))
 
     return surface_at
