@@ -70,6 +70,7 @@ def test_defaults_are_those_of_usdrecord(recorder, tmp_path, capsys):
             "mask": None,
             "session_layer": None,
             "complexity": "low",
+            "render_settings": None,
         }
     ]
     (renderer,) = recorder.renderers
@@ -87,7 +88,7 @@ def test_defaults_are_those_of_usdrecord(recorder, tmp_path, capsys):
 def test_every_flag_arrives(recorder):
     flags = (
         "--mask /a,/b --purposes render,guide --sessionLayer s.usda -rs /Render/settings -c high -d "
-        "--variant /a:look=red --variant /a:size=big -cam /cam --resolution 8x4 --aov color,depth --aov id "
+        "--variant /a:look=red --variant /a:size=big -cam /cam --resolution 8x4 --aov color,depth --aov primId "
         "--filter box --cameraLight on --enableDomeLightVisibility --enableLightVisibility --transport path "
         "--visibility rays --samples 9 --error 0.1 --seconds 2.5 --bounces 0 --seed 5 --threads 2 "
         "--disableGpu"
@@ -108,7 +109,7 @@ def test_every_flag_arrives(recorder):
     assert isinstance(renderer.pop("camera"), Camera)
     assert renderer == {
         "resolution": (8, 4),
-        "outputs": ("color", "depth", "id"),
+        "outputs": ("color", "depth", "primId"),
         "visibility": "rays",
         "transport": "path",
         "device": "cpu",

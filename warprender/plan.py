@@ -147,10 +147,15 @@ def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
     return lights
 
 
-def _check(request: Request) -> None:
-    for name in request.outputs:
+def check_outputs(names: tuple[str, ...]) -> None:
+    """Raise a SceneError at the first name that is no output."""
+    for name in names:
         if name not in OUTPUTS and name != "color":
             raise SceneError(f"output {name!r} is not one of color, {', '.join(OUTPUTS)}")
+
+
+def _check(request: Request) -> None:
+    check_outputs(request.outputs)
     if request.transport not in (*TRANSPORTS, "auto"):
         raise SceneError(f"transport {request.transport!r} is not one of auto, {', '.join(TRANSPORTS)}")
     if request.visibility not in (*VISIBILITIES, "auto"):

@@ -76,8 +76,15 @@ def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
 
 
 def outputs(args: argparse.Namespace) -> tuple[str, ...]:
-    """The outputs of --aov, each once; color where none is asked for."""
+    """The outputs of --aov, each once; color where none is asked for.
+
+    Raises:
+        SceneError: there is no such output.
+    """
+    from ..plan import check_outputs
+
     asked = [name for names in args.aov or () for name in names]
+    check_outputs(asked)
     return tuple(dict.fromkeys(asked)) or ("color",)
 
 
