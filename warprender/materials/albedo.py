@@ -17,9 +17,9 @@ _SAMPLES = 1024
 
 @lru_cache(maxsize=1)
 def albedo_table() -> np.ndarray:
-    """(SIZE, SIZE, 3) float32 by cosine and roughness: GGX with F = 1, with F = (1 - cos)⁵, and Lambert with that.
+    """(SIZE, SIZE, 4) float32 by cosine and roughness: GGX with F = 1, with F = (1 - cos)⁵, and Lambert with that.
 
-    By 1024 points of the Hammersley set over the visible normals, so that no entry is noisier than 1e-3.
+    The fourth is the first one's mean over the cosine-weighted hemisphere, alike for all cosines. By 1024 points of the Hammersley set over the visible normals, so that no entry is noisier than 1e-3.
     """
     cosine = np.linspace(0, 1, SIZE)
     cosine[0] = 1e-3
@@ -35,10 +35,14 @@ def albedo_table() -> np.ndarray:
     # The weight of a sampled visible normal is G2 / G1.
     weight = np.where(wi_z > 0, wi_z * (z + wo_length) / np.maximum(z * wi_length + wi_z * wo_length, 1e-30), 0.0)
     schlick = (1 - half_cos) ** 5
-    table = np.zeros((SIZE, SIZE, 3), np.float32)
+    table = np.zeros((SIZE, SIZE, 4), np.float32)
     table[..., 0] = weight.mean(-1)
     table[..., 1] = (weight * schlick).mean(-1)
     table[..., 2] = _lambert_schlick(cosine, u)[:, None]
+    # ∫ 2 cos E(cos) d cos, E between entries being linear.
+    x = np.linspace(0, 1, SIZE)[:, None]
+    at, step = table[..., 0].astype(np.float64), 1 / (SIZE - 1)
+    table[..., 3] = (step / 3 * (2 * x[1:] * at[1:] + 2 * x[:-1] * at[:-1] + x[1:] * at[:-1] + x[:-1] * at[1:])).sum(0)
     return table
 
 
@@ -73,8 +77,8 @@ def _lambert_schlick(cosine: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 @wp.func
-def white_albedo(table: wp.array2d(dtype=wp.vec3), cosine: float, alpha: float) -> wp.vec3:
-    """The table's three albedos at a cosine and an alpha, bilinear."""
+def white_albedo(table: wp.array2d(dtype=wp.vec4), cosine: float, alpha: float) -> wp.vec4:
+    """The table's albedos at a cosine and an alpha, bilinear."""
     x = wp.clamp(cosine, 0.0, 1.0) * wp.float32(wp.static(SIZE - 1))
     y = wp.clamp(wp.sqrt(alpha), 0.0, 1.0) * wp.float32(wp.static(SIZE - 1))
     i = wp.min(wp.int32(x), wp.static(SIZE - 2))

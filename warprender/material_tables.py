@@ -1,0 +1,168 @@
+"""From the host's materials to the rows, nodes, primvar slots and pictures that kernels read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .materials import MATERIALS, Material
+from .materials.inputs import NORMAL, Varying
+from .records import InputRecord, MaterialRecord
+from .shapes import Mesh, Primvar
+from .shapes.tangents import corner_tangents
+from .texels import TEXTURE_BYTES, TexelPool, halvings_within
+from .textures import CHANNELS, FIRST_TILE, TILES, PrimvarReader, Texture, as_picture, pyramid_bytes
+
+
+@dataclass(frozen=True)
+class Tangents:
+    """A slot that is made, not authored: tangents along a primvar of coordinates, seen through a 2×2 matrix."""
+
+    varname: str
+    linear: tuple[float, float, float, float]
+
+    def of(self, mesh: Mesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """`corner_tangents` of a mesh with these points, None where it has no such coordinates on its corners."""
+        coordinates = mesh.primvars.get(self.varname)
+        if coordinates is None or coordinates.values.shape[1] < 2:
+            return None
+        if coordinates.interpolation not in ("vertex", "faceVarying"):
+            return None
+        elements = mesh.triangles if coordinates.interpolation == "vertex" else mesh.corners
+        moved = coordinates.expanded()[elements][..., :2] @ np.reshape(self.linear, (2, 2)).T
+        return corner_tangents(mesh, points, moved)
+
+
+Slot = str | Tangents
+
+
+class MaterialTables:
+    """Rows of the materials of a scene, and what they refer to.
+
+    Attributes:
+        materials: (M,) rows of `MaterialRecord`.
+        inputs: rows of `InputRecord`.
+        slots: what the primvar slots hold, the display colour and opacity first.
+        pool: the pictures.
+        tiles: 100 picture numbers for each UDIM set.
+        warnings: one line for each picture that cannot be read or was made smaller.
+    """
+
+    def __init__(self, materials: dict[str, Material], used: Iterable[str], budget: int = TEXTURE_BYTES) -> None:
+        """Pictures of materials that are not among the `used` keys are not read."""
+        self.slots: list[Slot] = ["displayColor", "displayOpacity"]
+        self.inputs: list[np.ndarray] = []
+        self.pool = TexelPool()
+        self.tiles: list[np.ndarray] = []
+        self.warnings: list[str] = []
+        self._pictures: dict[tuple, int] = {}
+        used = set(used)
+        self._read_pictures({key: m for key, m in materials.items() if key in used}, budget)
+        self.materials = np.zeros(len(materials), MaterialRecord.numpy_dtype())
+        for row, (key, material) in zip(self.materials, materials.items(), strict=True):
+            values = material.pack()
+            row["kind"] = MATERIALS.index(type(material))
+            row["values"][: len(values)] = values
+            row["nodes"] = -1
+            for number, (_, source) in (material.varying() if key in used else {}).items():
+                row["nodes"][number] = self._node(source, number == NORMAL)
+
+    def slot(self, content: Slot) -> int:
+        """Number of the slot with this content."""
+        if content not in self.slots:
+            self.slots.append(content)
+        return self.slots.index(content)
+
+    def primvar(self, slot: int, shape: object) -> Primvar | None:
+        """The authored primvar of a slot, None where a shape has none."""
+        name = self.slots[slot]
+        return shape.primvars.get(name) if isinstance(name, str) else None
+
+    def _read_pictures(self, materials: dict[str, Material], budget: int) -> None:
+        """Put every picture into the pool once, after working out how small they must be."""
+        wanted: dict[tuple, tuple[str, Texture, object]] = {}
+        sizes = []
+        for key, material in materials.items():
+            for name, source in material.varying().values():
+                if not isinstance(source, Texture):
+                    continue
+                for _, file in self._sources(source, f"{key}: {name}"):
+                    if _picture_key(file, source) not in wanted and (size := self._size(file, f"{key}: {name}")):
+                        wanted[_picture_key(file, source)] = f"{key}: {name}", source, file
+                        sizes.append(size)
+        halvings = halvings_within(sizes, budget)
+        for (key, (owner, texture, file)), count in zip(wanted.items(), halvings, strict=True):
+            try:
+                self._pictures[key] = self.pool.add(as_picture(file), texture.sourceColorSpace, count)
+            except ValueError as error:
+                self._miss(owner, error)
+            if count:
+                self.warnings.append(f"{owner}: {texture.name} is halved {count} times to keep textures below {budget}")
+        self.pool.close()
+
+    def _sources(self, texture: Texture, owner: str) -> list[tuple[int, object]]:
+        sources = list(texture.sources())
+        if not sources:
+            self._miss(owner, f"{texture.name}: there is no such tile")
+        return sources
+
+    def _size(self, file: object, owner: str) -> int:
+        try:
+            return pyramid_bytes(file)
+        except ValueError as error:
+            self._miss(owner, error)
+            return 0
+
+    def _miss(self, owner: str, reason: object) -> None:
+        message = f"{owner}: {reason}; its fallback is taken"
+        if message not in self.warnings:
+            self.warnings.append(message)
+
+    def _node(self, source: Varying | tuple, is_normal: bool) -> int:
+        row = np.zeros(1, InputRecord.numpy_dtype())[0]
+        row["picture"] = row["tiles"] = row["primvar"] = row["tangents"] = -1
+        row["channel"] = 4
+        coordinates, linear = "st", (1.0, 0.0, 0.0, 1.0)
+        if isinstance(source, Texture):
+            self._fill_texture(row, source)
+            linear = tuple(source.transform[:, :2].reshape(-1))
+            if isinstance(source.st, PrimvarReader):
+                coordinates = source.st.varname
+        elif isinstance(source, PrimvarReader):
+            row["primvar"], row["absent"] = self.slot(source.varname), _four(source.fallback)
+        else:
+            row["absent"] = _four(source)
+        if is_normal:
+            self.slot(coordinates)
+            row["tangents"] = self.slot(Tangents(coordinates, linear))
+        self.inputs.append(row)
+        return len(self.inputs) - 1
+
+    def _fill_texture(self, row: np.void, texture: Texture) -> None:
+        row["channel"] = CHANNELS.index(texture.channel)
+        row["absent"] = row["fallback"] = _four(texture.fallback)
+        numbers = {tile: self._pictures.get(_picture_key(file, texture), -1) for tile, file in texture.sources()}
+        if max(numbers.values(), default=-1) < 0:
+            return
+        if 0 in numbers:
+            row["picture"] = numbers[0]
+        else:
+            row["tiles"] = TILES * len(self.tiles)
+            self.tiles.append(np.array([numbers.get(FIRST_TILE + k, -1) for k in range(TILES)], np.int32))
+        row["wrap_s"], row["wrap_t"] = texture.wraps()
+        row["scale"], row["bias"] = _four(texture.scale), _four(texture.bias)
+        row["linear"], row["offset"] = texture.transform[:, :2], texture.transform[:, 2]
+        if isinstance(texture.st, PrimvarReader):
+            row["primvar"], row["absent"] = self.slot(texture.st.varname), _four(texture.st.fallback)
+        else:
+            row["absent"] = _four(texture.st)
+
+
+def _picture_key(file: object, texture: Texture) -> tuple:
+    return file if isinstance(file, str) else id(file), texture.sourceColorSpace
+
+
+def _four(numbers: Iterable[float]) -> list[float]:
+    return ([float(n) for n in numbers] + [0.0] * 4)[:4]
