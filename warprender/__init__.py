@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
+    from .textures import PrimvarReader, Texture
     from .usd import load
 
 __version__ = "0.1.0"
@@ -36,12 +37,14 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "PreviewSurface": "materials",
+    "PrimvarReader": "textures",
     "RectLight": "lights",
     "RenderPlan": "plan",
     "Renderer": "renderer",
     "Scene": "scene",
     "SceneError": "scene",
     "SphereLight": "lights",
+    "Texture": "textures",
     "load": "usd",
     "render": "renderer",
 }
@@ -55,12 +58,14 @@ __all__ = [
     "DomeLight",
     "Frame",
     "PreviewSurface",
+    "PrimvarReader",
     "RectLight",
     "RenderPlan",
     "Renderer",
     "Scene",
     "SceneError",
     "SphereLight",
+    "Texture",
     "load",
     "render",
 ]

@@ -65,9 +65,9 @@ class MaterialTables:
             values = material.pack()
             row["kind"] = MATERIALS.index(type(material))
             row["values"][: len(values)] = values
-            row["nodes"] = -1
-            for number, (_, source) in (material.varying() if key in used else {}).items():
-                row["nodes"][number] = self._node(source, number == NORMAL)
+            row["normal"] = -1
+            if key in used:
+                self._link(row, material)
 
     def slot(self, content: Slot) -> int:
         """Number of the slot with this content."""
@@ -120,10 +120,24 @@ class MaterialTables:
         if message not in self.warnings:
             self.warnings.append(message)
 
-    def _node(self, source: Varying | tuple, is_normal: bool) -> int:
+    def _link(self, row: np.void, material: Material) -> None:
+        """Add the nodes of a material and let its row refer to them."""
+        varying = material.varying()
+        row["first"] = len(self.inputs)
+        for number, (name, source) in varying.items():
+            if number != NORMAL:
+                # A mean of opacities says nothing of how much of them lies above a threshold: a cut-out has no
+                # footprint, the samples of a pixel find the share.
+                self._add_node(number, source, float(name != "opacity" or not material.is_cut_out()))
+        row["varying"] = len(self.inputs) - row["first"]
+        if NORMAL in varying:
+            row["normal"] = len(self.inputs)
+            self._add_node(NORMAL, varying[NORMAL][1], 1.0)
+
+    def _add_node(self, number: int, source: Varying | tuple, footprint: float) -> None:
         row = np.zeros(1, InputRecord.numpy_dtype())[0]
         row["picture"] = row["tiles"] = row["primvar"] = row["tangents"] = -1
-        row["channel"] = 4
+        row["number"], row["footprint"], row["channel"] = number, footprint, 4
         coordinates, linear = "st", (1.0, 0.0, 0.0, 1.0)
         if isinstance(source, Texture):
             self._fill_texture(row, source)
@@ -134,11 +148,10 @@ class MaterialTables:
             row["primvar"], row["absent"] = self.slot(source.varname), _four(source.fallback)
         else:
             row["absent"] = _four(source)
-        if is_normal:
+        if number == NORMAL:
             self.slot(coordinates)
             row["tangents"] = self.slot(Tangents(coordinates, linear))
         self.inputs.append(row)
-        return len(self.inputs) - 1
 
     def _fill_texture(self, row: np.void, texture: Texture) -> None:
         row["channel"] = CHANNELS.index(texture.channel)

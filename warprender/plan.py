@@ -14,8 +14,10 @@ import numpy as np
 from .camera import Camera
 from .lights import CameraLight, Light
 from .materials import MATERIALS
+from .materials.inputs import NORMAL
 from .outputs import OUTPUTS
-from .scene import Placement, Scene, SceneError
+from .scene import Scene, SceneError, materials_of
+from .textures import Texture
 
 TRANSPORTS = ("none", "path")
 VISIBILITIES = ("rays",)
@@ -32,6 +34,7 @@ class PathKey:
 
     shapes: tuple[str, ...]
     materials: tuple[str, ...]
+    features: tuple[str, ...]
     lights: tuple[str, ...]
     camera: tuple[str, ...]
     sampled_lights: bool
@@ -44,6 +47,7 @@ class OutputsKey:
 
     shapes: tuple[str, ...]
     materials: tuple[str, ...]
+    features: tuple[str, ...]
     camera: tuple[str, ...]
     outputs: tuple[str, ...]
     straight_through: bool
@@ -59,6 +63,7 @@ class Request:
     bounces: int | None = None
     dome_light_visible: bool = False
     lights_visible: bool = False
+    energy_compensation: bool = False
 
 
 @dataclass
@@ -119,6 +124,7 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     materials = _effects(
         plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
     )
+    features = _material_features(plan, scene, request)
     passing = _straight_through(scene)
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
@@ -127,14 +133,14 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
-        plan.outputs = OutputsKey(shapes, materials, effects[:1], aovs, bool(passing))
+        plan.outputs = OutputsKey(shapes, materials, features, effects[:1], aovs, bool(passing))
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
         kinds = _effects(plan, "light", _light_kinds(), _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
         why = "lights that can be aimed at" if sampled else ""
         _note(plan, "shadow rays", why, "a light other than a dome")
-        plan.path = PathKey(shapes, materials, kinds, effects, sampled, bool(passing))
+        plan.path = PathKey(shapes, materials, features, kinds, effects, sampled, bool(passing))
         _bound_bounces(plan, scene, request)
     return plan
 
@@ -189,17 +195,36 @@ def _shape_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
-def materials_of(placement: Placement) -> list[str]:
-    """Keys of the materials that a placement shows: its own, and those of its shape's faces."""
-    return [placement.material, *getattr(placement.shape, "face_materials", {})]
-
-
 def _material_callers(scene: Scene) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, placement in scene.placements.items():
         for key in materials_of(placement):
             _first(callers, type(scene.materials[key]).__name__, path)
     return callers
+
+
+def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tuple[str, ...]:
+    """What material inputs need of the kernel; notes each input that varies, and cut-outs, with the first caller."""
+    features = {"energy compensation"} if request.energy_compensation else set()
+    uses: dict[str, str] = {}
+    cut_out = ""
+    for path, placement in scene.placements.items():
+        for key in materials_of(placement):
+            material = scene.materials[key]
+            for number, (name, source) in material.varying().items():
+                reads = "texture" if isinstance(source, Texture) else "primvar"
+                features.add(reads)
+                _first(uses, f"{reads} {name}", path)
+                if number == NORMAL:
+                    features.add("normal map")
+            if material.is_cut_out():
+                cut_out = cut_out or path
+    plan.reasons |= dict(sorted(uses.items()))
+    for reads in {"texture", "primvar", "normal map"} - features:
+        plan.absent[reads] = f"a material input that is connected to a {reads}"
+    _note(plan, "cut-out", cut_out, "an opacityThreshold above 0")
+    _note(plan, "energy compensation", "asked for" if request.energy_compensation else "", "--energyCompensation")
+    return tuple(sorted(features))
 
 
 def _light_kinds() -> set[str]:

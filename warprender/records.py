@@ -11,7 +11,6 @@ import warp as wp
 MATERIAL_INPUTS = 16
 
 MaterialValues = wp.types.matrix(shape=(MATERIAL_INPUTS, 3), dtype=wp.float32)
-MaterialNodes = wp.types.vector(length=MATERIAL_INPUTS, dtype=wp.int32)
 
 
 @wp.struct
@@ -118,23 +117,29 @@ class LightSample:
 class MaterialRecord:
     """One material: its kind, and values by the input numbers that the kind's file names.
 
-    `nodes` has an index into `DeviceScene.inputs` where an input varies over the surface, -1 where it does not.
+    What varies over the surface are the `varying` entries of `DeviceScene.inputs` from number `first` on; the entry
+    of a tangent-space normal is number `normal`, -1 where there is none.
     """
 
     kind: wp.int32
     values: MaterialValues
-    nodes: MaterialNodes
+    first: wp.int32
+    varying: wp.int32
+    normal: wp.int32
 
 
 @wp.struct
 class InputRecord:
-    """Where the value of an input comes from: a picture, a set of tiles, or with neither (-1) a primvar as it is.
+    """Where input `number` comes from: a picture, a set of tiles, or with neither (-1) a primvar as it is.
 
-    `primvar` is the slot of the texture coordinates, or of the value itself, -1 for `absent`, which also stands in
-    where a shape has no such primvar. A picture is seen at linear · coordinates + offset; `channel` is 0 … 3, or 4
-    for all. `tangents` is the slot of the tangents along those coordinates, -1 where nothing asks for them.
+    `footprint` multiplies the surface's. `primvar` is the slot of the texture coordinates, or of the value itself,
+    -1 for `absent`, which also stands in where a shape has no such primvar. A picture is seen at
+    linear · coordinates + offset; `channel` is 0 … 3, or 4 for all. `tangents` is the slot of the tangents along
+    those coordinates, -1 where nothing asks for them.
     """
 
+    number: wp.int32
+    footprint: wp.float32
     picture: wp.int32
     tiles: wp.int32
     primvar: wp.int32

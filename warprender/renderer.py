@@ -46,6 +46,7 @@ class Renderer:
         dome_light_visible: whether the camera sees the domes.
         lights_visible: whether the camera sees all lights.
         filter: reconstruction filter, "box", "triangle" or "gaussian".
+        energy_compensation: give back what specular lobes lose between their facets; UsdPreviewSurface does not.
 
     Raises:
         SceneError: the request cannot be met; the message names the prim or the argument.
@@ -66,6 +67,7 @@ class Renderer:
         dome_light_visible: bool = False,
         lights_visible: bool = False,
         filter: str = "box",
+        energy_compensation: bool = False,
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -76,7 +78,15 @@ class Renderer:
         self.resolution = resolution or choose_resolution(scene, self.camera)
         if min(self.resolution) < 1:
             raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
-        self.request = Request(tuple(outputs), visibility, transport, bounces, dome_light_visible, lights_visible)
+        self.request = Request(
+            tuple(outputs),
+            visibility,
+            transport,
+            bounces,
+            dome_light_visible,
+            lights_visible,
+            energy_compensation,
+        )
         with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = analyse(scene, self.camera, self.request, with_camera_light)
 

@@ -46,6 +46,11 @@ class Placement:
             self.instance_ids = np.full(len(self.transforms), -1, np.int32)
 
 
+def materials_of(placement: Placement) -> list[str]:
+    """Keys of the materials that a placement shows: its own, and those of its shape's faces."""
+    return [placement.material, *getattr(placement.shape, "face_materials", {})]
+
+
 @dataclass
 class RenderSettings:
     """UsdRenderSettings, as far as it is read: resolution in pixels, and the path of the camera."""

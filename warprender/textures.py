@@ -277,12 +277,12 @@ def texel_or_black(scene: DeviceScene, format: int, first: int, width: int, x: i
 
 @wp.func
 def bilinear(scene: DeviceScene, format: int, level: int, st: wp.vec2, wrap_s: int, wrap_t: int) -> wp.vec4:
-    """Interpolation of the four texels around st, which is folded."""
+    """Interpolation of the four texels around st."""
     width = scene.levels[level].width
     height = scene.levels[level].height
     first = scene.levels[level].first
-    x = st[0] * wp.float32(width) - 0.5
-    y = st[1] * wp.float32(height) - 0.5
+    x = folded(st[0], wrap_s) * wp.float32(width) - 0.5
+    y = folded(st[1], wrap_t) * wp.float32(height) - 0.5
     i = wp.int32(wp.floor(x))
     j = wp.int32(wp.floor(y))
     fx = x - wp.float32(i)
@@ -299,42 +299,34 @@ def bilinear(scene: DeviceScene, format: int, level: int, st: wp.vec2, wrap_s: i
 
 
 @wp.func
-def trilinear(scene: DeviceScene, picture: int, st: wp.vec2, level: float, wrap_s: int, wrap_t: int) -> wp.vec4:
-    """Interpolation between the two levels around `level`, 0 being the finest."""
-    format = scene.pictures[picture].format
-    first = scene.pictures[picture].level
-    last = scene.pictures[picture].levels - 1
-    folded_st = wp.vec2(folded(st[0], wrap_s), folded(st[1], wrap_t))
-    clamped = wp.clamp(level, 0.0, wp.float32(last))
-    k = wp.int32(clamped)
-    near = bilinear(scene, format, first + k, folded_st, wrap_s, wrap_t)
-    part = clamped - wp.float32(k)
-    if part > 0.0:
-        near += (bilinear(scene, format, first + k + 1, folded_st, wrap_s, wrap_t) - near) * part
-    return near
-
-
-@wp.func
 def picture_at(scene: DeviceScene, picture: int, place: Footprint, wrap_s: int, wrap_t: int) -> wp.vec4:
-    """The mean of a picture over a footprint: look-ups along its longer axis, each as wide as the shorter one."""
+    """The mean of a picture over a footprint: look-ups along its longer axis, each as wide as the shorter one.
+
+    Each look-up is in the two levels around its width.
+    """
+    format = scene.pictures[picture].format
     finest = scene.pictures[picture].level
     size = wp.vec2(wp.float32(scene.levels[finest].width), wp.float32(scene.levels[finest].height))
     along = wp.length(wp.cw_mul(place.along, size))
     across = wp.length(wp.cw_mul(place.across, size))
-    longer = wp.max(along, across)
-    if not longer > 1.0:
-        return trilinear(scene, picture, place.st, 0.0, wrap_s, wrap_t)
-    shorter = wp.max(wp.min(along, across), 1.0)
-    probes = wp.clamp(wp.int32(wp.ceil(wp.min(longer / shorter, 1.0e4))), 1, _MOST_PROBES)
-    width = wp.max(shorter, longer / wp.float32(probes))
-    level = wp.log2(width / _TEXELS_OF_FOOTPRINT)
     axis = place.along
     if across > along:
         axis = place.across
+    longer = wp.max(wp.max(along, across), 1.0)
+    shorter = wp.max(wp.min(along, across), 1.0)
+    probes = wp.clamp(wp.int32(wp.ceil(wp.min(longer / shorter, 1.0e4))), 1, _MOST_PROBES)
+    width = wp.max(shorter, longer / wp.float32(probes))
+    level = wp.clamp(wp.log2(width / _TEXELS_OF_FOOTPRINT), 0.0, wp.float32(scene.pictures[picture].levels - 1))
+    nearer = wp.int32(level)
+    coarser_part = level - wp.float32(nearer)
     total = wp.vec4(0.0, 0.0, 0.0, 0.0)
-    for k in range(probes):
-        shift = (wp.float32(k) + 0.5) / wp.float32(probes) - 0.5
-        total += trilinear(scene, picture, place.st + axis * shift, level, wrap_s, wrap_t)
+    for k in range(2 * probes):
+        weight = wp.where(k < probes, 1.0 - coarser_part, coarser_part)
+        if weight > 0.0:
+            coarser = wp.where(k < probes, 0, 1)
+            shift = (wp.float32(k - coarser * probes) + 0.5) / wp.float32(probes) - 0.5
+            st = place.st + axis * shift
+            total += bilinear(scene, format, finest + nearer + coarser, st, wrap_s, wrap_t) * weight
     return total / wp.float32(probes)
 
 

@@ -6,23 +6,23 @@ import numpy as np
 import warp as wp
 
 from .lights import LIGHTS, CameraLight, Light
-from .materials import MATERIALS
+from .material_tables import MaterialTables, Tangents
 from .materials.albedo import albedo_table
 from .records import (
-    MATERIAL_INPUTS,
     DeviceScene,
     GeometryRecord,
+    InputRecord,
     InstanceRecord,
+    LevelRecord,
     LightRecord,
     MaterialRecord,
+    PictureRecord,
     PrimvarRecord,
 )
-from .scene import Placement, Scene
+from .scene import Placement, Scene, materials_of
 from .shapes import SHAPES, Mesh, Sphere
-from .shapes.primvar import absent_primvar
-
-#: Primvars that materials read, in the order of their slots.
-_PRIMVARS = ("displayColor", "displayOpacity")
+from .shapes.primvar import INTERPOLATIONS, absent_primvar
+from .texels import srgb_table
 
 
 class Upload:
@@ -42,12 +42,15 @@ class Upload:
         self.warnings: list[str] = []
         self._kept: list[object] = []
         self._materials = {key: i for i, key in enumerate(scene.materials)}
+        used = {key for placement in scene.placements.values() for key in materials_of(placement)}
+        self._tables = MaterialTables(scene.materials, used)
+        self.warnings += self._tables.warnings
         self._geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
         self.record = DeviceScene()
         self._upload_instances(scene)
-        self._upload_materials(scene)
+        self._upload_materials()
         self._upload_lights(lights)
 
     def _upload_instances(self, scene: Scene) -> None:
@@ -66,8 +69,9 @@ class Upload:
         self.record.instances = self._array(table, InstanceRecord)
         self.record.geometries = self._array(self._geometries, GeometryRecord)
         self.record.primvars = self._array(self._primvars, PrimvarRecord)
-        self.record.primvar_count = len(_PRIMVARS)
-        used = [any(p.interpolation >= 0 for p in self._primvars[k :: len(_PRIMVARS)]) for k in range(2)]
+        slots = len(self._tables.slots)
+        self.record.primvar_count = slots
+        used = [any(p.interpolation >= 0 for p in self._primvars[k::slots]) for k in range(2)]
         self.record.display_color, self.record.display_opacity = (k if used[k] else -1 for k in range(2))
         if len(box):
             self._build_tree(box - self.origin)
@@ -121,11 +125,27 @@ class Upload:
                 known[key] = len(self._geometries)
                 record.kind = SHAPES.index(type(shape))
                 self._geometries.append(record)
-                corners = getattr(shape, "corners", np.zeros((0, 3), np.int32))
-                for name in _PRIMVARS:
-                    primvar = shape.primvars.get(name)
-                    self._primvars.append(primvar.upload(corners, self.device) if primvar else absent_primvar())
+                keep = _drawable_triangles(shape) if isinstance(shape, Mesh) else np.zeros(0, bool)
+                self._primvars += [self._primvar(shape, keep, slot) for slot in self._tables.slots]
         return known[key]
+
+    def _primvar(self, shape: Mesh | Sphere, keep: np.ndarray, slot: str | Tangents) -> PrimvarRecord:
+        """What a shape has in a slot; `keep` (T,) bool are the triangles of a mesh that are drawn."""
+        if isinstance(slot, str):
+            primvar = shape.primvars.get(slot)
+            if primvar is None:
+                return absent_primvar()
+            corners = shape.corners[keep] if isinstance(shape, Mesh) else np.zeros((0, 3), np.int32)
+            return primvar.upload(corners, self.device)
+        found = slot.of(shape, _host_points(shape)) if isinstance(shape, Mesh) else None
+        if found is None:
+            return absent_primvar()
+        tangents, rows = found
+        record = PrimvarRecord()
+        record.interpolation, record.width = INTERPOLATIONS.index("faceVarying"), tangents.shape[1]
+        record.values = self._array(tangents.reshape(-1), wp.float32)
+        record.indices = self._array(rows[keep].reshape(-1), wp.int32)
+        return record
 
     def _upload_sphere(self, sphere: Sphere) -> GeometryRecord | None:
         if not sphere.radius > 0 or not np.isfinite(sphere.radius):
@@ -137,8 +157,7 @@ class Upload:
         return record
 
     def _upload_mesh(self, path: str, mesh: Mesh, material: str) -> GeometryRecord | None:
-        points = mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points, np.float32)
-        keep = _drawable(points, mesh.triangles)
+        points, keep = _host_points(mesh), _drawable_triangles(mesh)
         if not keep.all():
             self.warnings.append(f"{path}: {int((~keep).sum())} triangles with non-finite points are not drawn")
         if not keep.any():
@@ -170,15 +189,20 @@ class Upload:
             faces[subset[subset < len(faces)]] = self._materials[key]
         return faces
 
-    def _upload_materials(self, scene: Scene) -> None:
-        rows = np.zeros(len(scene.materials), MaterialRecord.numpy_dtype())
-        for row, material in zip(rows, scene.materials.values(), strict=True):
-            values = material.pack()
-            row["kind"] = MATERIALS.index(type(material))
-            row["values"][: len(values)] = values
-        assert MATERIAL_INPUTS == rows["values"].shape[1]
-        self.record.materials = self._array(rows, MaterialRecord)
-        self.record.albedo = self._array(albedo_table(), wp.vec3)
+    def _upload_materials(self) -> None:
+        tables, pool = self._tables, self._tables.pool
+        self.record.materials = self._array(tables.materials, MaterialRecord)
+        self.record.albedo = self._array(albedo_table(), wp.vec4)
+        self.record.inputs = self._array(np.array(tables.inputs, InputRecord.numpy_dtype()), InputRecord)
+        self.record.pictures = self._rows(pool.pictures, PictureRecord)
+        self.record.levels = self._rows(pool.levels, LevelRecord)
+        self.record.texels = self._array(pool.words, wp.uint32)
+        self.record.tiles = self._array(np.array(tables.tiles, np.int32).reshape(-1), wp.int32)
+        self.record.decode = self._array(srgb_table(), wp.float32)
+
+    def _rows(self, rows: list[tuple], dtype: type) -> wp.array:
+        """Records of tuples in the order of their fields."""
+        return self._array(np.array(rows, dtype.numpy_dtype()), dtype)
 
     def _upload_lights(self, lights: dict[str, Light]) -> None:
         radius = max(float(np.linalg.norm(self.bounds[1] - self.bounds[0])) / 2, 1e-6)
@@ -226,8 +250,14 @@ def camera_light_at(light: CameraLight, transform: np.ndarray) -> CameraLight:
     return light
 
 
-def _drawable(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def _host_points(mesh: Mesh) -> np.ndarray:
+    """(N, 3) float32."""
+    return mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points, np.float32)
+
+
+def _drawable_triangles(mesh: Mesh) -> np.ndarray:
     """(T,) bool: triangles whose indices are in range and whose points are finite."""
+    points, triangles = _host_points(mesh), mesh.triangles
     in_range = ((triangles >= 0) & (triangles < len(points))).all(1)
     finite = np.isfinite(points).all(1)
     keep = in_range.copy()

@@ -121,6 +121,11 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--error", type=positive_float, help="stop at this relative standard error")
     group.add_argument("--seconds", type=positive_float, help="stop after this time")
     group.add_argument("--bounces", type=count, help="reflections followed after the camera's hit")
+    group.add_argument(
+        "--energyCompensation",
+        action="store_true",
+        help="give back the light that rough specular lobes lose; UsdPreviewSurface does not",
+    )
     group.add_argument("--seed", type=count, default=0, help="of the random numbers (default: 0)")
 
 

@@ -19,7 +19,9 @@ _SAMPLES = 1024
 def albedo_table() -> np.ndarray:
     """(SIZE, SIZE, 4) float32 by cosine and roughness: GGX with F = 1, with F = (1 - cos)⁵, and Lambert with that.
 
-    The fourth is the first one's mean over the cosine-weighted hemisphere, alike for all cosines. By 1024 points of the Hammersley set over the visible normals, so that no entry is noisier than 1e-3.
+    The fourth is the first one's mean over the cosine-weighted hemisphere, alike for all cosines.
+
+    By 1024 points of the Hammersley set over the visible normals, so that no entry is noisier than 1e-3.
     """
     cosine = np.linspace(0, 1, SIZE)
     cosine[0] = 1e-3

@@ -1,6 +1,6 @@
-"""Inputs of materials: constants, textures and primvars, behind one function, `material_input`.
+"""Inputs of materials: constants, textures and primvars, behind one function, `material_values`.
 
-A material's row holds a value for each input, and a node number where the value varies over the surface.
+A material's row holds a value for each input, and refers to a node for each that varies over the surface.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..numerics import max_component, tangent_of
-from ..records import MATERIAL_INPUTS, DeviceScene, Surface
+from ..records import MATERIAL_INPUTS, DeviceScene, MaterialValues, Surface
 from ..shapes.primvar import corner_values, primvar_at, triangle_vertices, value_at
 from ..textures import Footprint, PrimvarReader, Texture, texture_at
 
@@ -51,10 +51,10 @@ def greatest_of_color(value: Color) -> float:
 
 
 @wp.func
-def footprint_at(scene: DeviceScene, surface: Surface, slot: int, absent: wp.vec4) -> Footprint:
-    """Texture coordinates at a surface, and how far they reach over the surface's footprint.
+def footprint_at(scene: DeviceScene, surface: Surface, slot: int, absent: wp.vec4, width: float) -> Footprint:
+    """Texture coordinates at a surface, and how far they reach over a footprint of this width.
 
-    A cone of that width meets the tangent plane in an ellipse; its axes are carried over by the triangle's own
+    A cone that wide meets the tangent plane in an ellipse; its axes are carried over by the triangle's own
     linear map from places to coordinates (Akenine-Möller et al. 2021, JCGT 10(1)).
     """
     place = Footprint()
@@ -64,7 +64,7 @@ def footprint_at(scene: DeviceScene, surface: Surface, slot: int, absent: wp.vec
     value = primvar_at(scene, surface, slot, absent)
     place.st = wp.vec2(value[0], value[1])
     index = surface.geometry * scene.primvar_count + slot
-    if surface.footprint <= 0.0 or scene.primvars[index].interpolation < 2:
+    if width <= 0.0 or scene.primvars[index].interpolation < 2:
         return place
 
     vertices = triangle_vertices(scene, surface)
@@ -91,7 +91,7 @@ def footprint_at(scene: DeviceScene, surface: Surface, slot: int, absent: wp.vec
     sideways = wp.cross(n, surface.outgoing)
     if wp.dot(sideways, sideways) < 1.0e-8:
         sideways = tangent_of(n)
-    sideways = wp.normalize(sideways) * (surface.footprint / size)
+    sideways = wp.normalize(sideways) * (width / size)
     onwards = wp.cross(sideways, n) / wp.max(wp.dot(n, surface.outgoing), _GRAZING)
     u = wp.dot(wp.cross(onwards, edge2), area) / squared
     v = wp.dot(wp.cross(edge1, onwards), area) / squared
@@ -104,32 +104,48 @@ def footprint_at(scene: DeviceScene, surface: Surface, slot: int, absent: wp.vec
 
 @cache
 def input_function(features: tuple[str, ...]) -> wp.Function:
-    """`material_input(scene, surface, number) -> vec3`: the value of an input; numbers stand in the first place."""
+    """`input_at(scene, surface, node) -> vec3`: the value of a varying input; numbers stand in the first place."""
     with_textures = "texture" in features
-    varies = with_textures or "primvar" in features
 
     @wp.func
-    def varying_input(scene: DeviceScene, surface: Surface, node: int) -> wp.vec3:
+    def input_at(scene: DeviceScene, surface: Surface, node: int) -> wp.vec3:
         value = scene.inputs[node].absent
+        slot = scene.inputs[node].primvar
         if wp.static(with_textures):
             if scene.inputs[node].picture >= 0 or scene.inputs[node].tiles >= 0:
-                place = footprint_at(scene, surface, scene.inputs[node].primvar, value)
-                value = texture_at(scene, scene.inputs[node], place)
-            elif scene.inputs[node].primvar >= 0:
-                value = primvar_at(scene, surface, scene.inputs[node].primvar, value)
-        elif scene.inputs[node].primvar >= 0:
-            value = primvar_at(scene, surface, scene.inputs[node].primvar, value)
+                width = surface.footprint * scene.inputs[node].footprint
+                value = texture_at(scene, scene.inputs[node], footprint_at(scene, surface, slot, value, width))
+                slot = -1
+        if slot >= 0:
+            value = primvar_at(scene, surface, slot, value)
         channel = scene.inputs[node].channel
         if channel < 4:
             return wp.vec3(value[channel], value[channel], value[channel])
         return wp.vec3(value[0], value[1], value[2])
 
-    @wp.func
-    def material_input(scene: DeviceScene, surface: Surface, number: int) -> wp.vec3:
-        if wp.static(varies):
-            node = scene.materials[surface.material].nodes[number]
-            if node >= 0:
-                return varying_input(scene, surface, node)
-        return scene.materials[surface.material].values[number]
+    return input_at
 
-    return material_input
+
+@cache
+def values_function(features: tuple[str, ...]) -> wp.Function:
+    """`material_values(scene, surface) -> MaterialValues`: all inputs, by the numbers that the kind's file names.
+
+    One loop with one look-up in it: a call for each input would put the whole of the look-up into the kernel as often.
+    """
+    input_at = input_function(features)
+    varies = "texture" in features or "primvar" in features
+
+    @wp.func
+    def material_values(scene: DeviceScene, surface: Surface) -> MaterialValues:
+        values = scene.materials[surface.material].values
+        if wp.static(varies):
+            first = scene.materials[surface.material].first
+            for k in range(scene.materials[surface.material].varying):
+                value = input_at(scene, surface, first + k)
+                number = scene.inputs[first + k].number
+                values[number, 0] = value[0]
+                values[number, 1] = value[1]
+                values[number, 2] = value[2]
+        return values
+
+    return material_values

@@ -10,7 +10,7 @@ from ..numerics import from_frame, safe_normalize
 from ..records import DeviceScene, Hit, Ray, Surface
 from ..shapes.primvar import primvar_at
 from ..shapes.surface import face_viewer, surface_function
-from .inputs import NORMAL, input_function
+from .inputs import input_function
 
 
 @cache
@@ -20,13 +20,13 @@ def shading_function(shapes: tuple[str, ...], features: tuple[str, ...]) -> wp.F
     `footprint` is the width across the ray of what the hit stands for, in scene units.
     """
     surface_at = surface_function(shapes)
-    material_input = input_function(features)
+    input_at = input_function(features)
     mapped = "normal map" in features
 
     @wp.func
-    def mapped_normal(scene: DeviceScene, surface: Surface, slot: int) -> wp.vec3:
+    def mapped_normal(scene: DeviceScene, surface: Surface, node: int) -> wp.vec3:
         # The frame of MikkTSpace: the bitangent is the cross product, turned round where the picture is mirrored.
-        tangent = primvar_at(scene, surface, slot, wp.vec4(0.0, 0.0, 0.0, 0.0))
+        tangent = primvar_at(scene, surface, scene.inputs[node].tangents, wp.vec4(0.0, 0.0, 0.0, 0.0))
         linear = scene.instances[surface.hit.instance].linear
         n = surface.normal
         if surface.front == 0:
@@ -35,7 +35,7 @@ def shading_function(shapes: tuple[str, ...], features: tuple[str, ...]) -> wp.F
         t = safe_normalize(t - n * wp.dot(n, t))
         if wp.dot(t, t) == 0.0:
             return surface.normal
-        local = material_input(scene, surface, NORMAL)
+        local = input_at(scene, surface, node)
         local[1] = local[1] * tangent[3] * wp.sign(wp.determinant(linear))
         world = from_frame(t, n, local)
         if surface.front == 0:
@@ -47,9 +47,9 @@ def shading_function(shapes: tuple[str, ...], features: tuple[str, ...]) -> wp.F
         surface = surface_at(scene, ray, hit)
         surface.footprint = footprint
         if wp.static(mapped):
-            node = scene.materials[surface.material].nodes[NORMAL]
+            node = scene.materials[surface.material].normal
             if node >= 0:
-                surface.normal = mapped_normal(scene, surface, scene.inputs[node].tangents)
+                surface.normal = mapped_normal(scene, surface, node)
         return surface
 
     return shading_at

@@ -28,11 +28,12 @@ from ..records import (
     BsdfSample,
     BsdfValue,
     DeviceScene,
+    MaterialValues,
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
 from .albedo import white_albedo
-from .inputs import NORMAL, Color, Number, Varying, constant, greatest_of_color, input_function, least
+from .inputs import NORMAL, Color, Number, Varying, constant, greatest_of_color, least, values_function
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -132,52 +133,39 @@ class PreviewSurface:
 @cache
 def prepare_function(features: tuple[str, ...]) -> wp.Function:
     """`prepare(scene, surface) -> Bsdf`: Fresnel ends, alphas and what is left of the diffuse part."""
-    material_input = input_function(features)
+    material_values = values_function(features)
     compensated = "energy compensation" in features
 
     @wp.func
-    def surface_opacity(scene: DeviceScene, surface: Surface) -> float:
-        threshold = material_input(scene, surface, OPACITY_THRESHOLD)[0]
-        if threshold > 0.0:
-            # A mean of opacities says nothing of how much of them lies above the threshold: no footprint here, the
-            # samples of a pixel find the share.
-            point = surface
-            point.footprint = 0.0
-            return wp.where(material_input(scene, point, OPACITY)[0] >= threshold, 1.0, 0.0)
-        return wp.clamp(material_input(scene, surface, OPACITY)[0], 0.0, 1.0)
-
-    @wp.func
     def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:
+        values = material_values(scene, surface)
         bsdf = Bsdf()
-        opacity = surface_opacity(scene, surface)
-        presence = (
-            scene.materials[surface.material].values[OPACITY_MODE][0] > 0.5
-            or material_input(scene, surface, OPACITY_THRESHOLD)[0] > 0.0
-        )
+        opacity = wp.clamp(values[OPACITY, 0], 0.0, 1.0)
+        presence = values[OPACITY_MODE, 0] > 0.5
+        if values[OPACITY_THRESHOLD, 0] > 0.0:
+            opacity = wp.where(values[OPACITY, 0] >= values[OPACITY_THRESHOLD, 0], 1.0, 0.0)
+            presence = wp.bool(True)
         bsdf.pass_through = 1.0 - opacity
         if presence and opacity <= 0.0:
             return bsdf
 
-        bsdf.emission = material_input(scene, surface, EMISSIVE_COLOR)
-        ior = wp.max(material_input(scene, surface, IOR)[0], 0.0)
-        r = (1.0 - ior) / (1.0 + ior)
-        bsdf.coat_f0 = r * r
+        bsdf.emission = wp.max(row_of(values, EMISSIVE_COLOR), wp.vec3(0.0, 0.0, 0.0))
+        r = (1.0 - values[IOR, 0]) / (1.0 + values[IOR, 0])
+        bsdf.coat_f0 = wp.min(r * r, 1.0)
         bsdf.f90 = wp.vec3(1.0, 1.0, 1.0)
-        bsdf.diffuse = clamped(material_input(scene, surface, DIFFUSE_COLOR))
-        if material_input(scene, surface, USE_SPECULAR_WORKFLOW)[0] < 0.5:
-            metallic = wp.clamp(material_input(scene, surface, METALLIC)[0], 0.0, 1.0)
+        bsdf.diffuse = clamped(row_of(values, DIFFUSE_COLOR))
+        bsdf.f0 = clamped(row_of(values, SPECULAR_COLOR))
+        if values[USE_SPECULAR_WORKFLOW, 0] < 0.5:
+            metallic = wp.clamp(values[METALLIC, 0], 0.0, 1.0)
             tint = wp.vec3(1.0, 1.0, 1.0) * (1.0 - metallic) + bsdf.diffuse * metallic
             bsdf.f0 = tint * (bsdf.coat_f0 * (1.0 - metallic) + metallic)
             bsdf.f90 = tint
             bsdf.diffuse = bsdf.diffuse * (1.0 - metallic)
-        else:
-            bsdf.f0 = clamped(material_input(scene, surface, SPECULAR_COLOR))
-        roughness = wp.clamp(material_input(scene, surface, ROUGHNESS)[0], 0.0, 1.0)
+        roughness = wp.clamp(values[ROUGHNESS, 0], 0.0, 1.0)
         bsdf.alpha = roughness * roughness
-        bsdf.coat = wp.clamp(material_input(scene, surface, CLEARCOAT)[0], 0.0, 1.0)
-        if bsdf.coat > 0.0:
-            coat_roughness = wp.clamp(material_input(scene, surface, CLEARCOAT_ROUGHNESS)[0], 0.0, 1.0)
-            bsdf.coat_alpha = coat_roughness * coat_roughness
+        bsdf.coat = wp.clamp(values[CLEARCOAT, 0], 0.0, 1.0)
+        coat_roughness = wp.clamp(values[CLEARCOAT_ROUGHNESS, 0], 0.0, 1.0)
+        bsdf.coat_alpha = coat_roughness * coat_roughness
 
         bsdf.diffuse = bsdf.diffuse * opacity
         if wp.static(compensated):
@@ -192,6 +180,12 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
         return bsdf
 
     return prepare
+
+
+@wp.func
+def row_of(values: MaterialValues, number: int) -> wp.vec3:
+    """A colour among the values."""
+    return wp.vec3(values[number, 0], values[number, 1], values[number, 2])
 
 
 @wp.func

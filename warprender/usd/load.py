@@ -118,7 +118,7 @@ def _place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
 def _shared_shape(reading: Reading, prim: Usd.Prim, bindings: Bindings, read: Callable) -> Mesh | Sphere | None:
     """The shape of a prim, read once for all instances that look alike."""
     subsets = bindings.subset_keys(prim)
-    key = (shared_prim(prim).GetPath(), inherited_from(prim), subsets)
+    key = (shared_prim(prim).GetPath(), inherited_from(reading, prim), subsets)
     if key not in reading.shapes:
         shape = read(reading, prim)
         if isinstance(shape, Mesh) and subsets:

@@ -28,6 +28,7 @@ class Reading:
         level: subdivision level, 0 draws the cage.
         scene: the scene being filled.
         shapes: shapes read so far by what determines them, so that instances share one.
+        primvars: primvars that are read from every shape, with their numbers of components, None for any.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
         remarks: message to the prims that it is about: the path that stands in the scene, by the path of the
             prim itself, which instances share.
@@ -39,6 +40,7 @@ class Reading:
     level: int = 0
     scene: Scene = field(default_factory=Scene)
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
+    primvars: dict[str, int | None] = field(default_factory=lambda: {"displayColor": 3, "displayOpacity": 1})
     sound_instancers: bool = True
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
 
