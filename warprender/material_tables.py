@@ -6,13 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
 from .materials import MATERIALS, Material
 from .materials.inputs import NORMAL, Varying
-from .records import InputRecord, MaterialRecord
-from .shapes import Mesh, Primvar
+from .records import DeviceScene, InputRecord, LevelRecord, MaterialRecord, PictureRecord
+from .shapes import Mesh
 from .shapes.tangents import corner_tangents
-from .texels import TEXTURE_BYTES, TexelPool, halvings_within
+from .texels import TEXTURE_BYTES, TexelPool, halvings_within, srgb_table
 from .textures import CHANNELS, FIRST_TILE, TILES, PrimvarReader, Texture, as_picture, pyramid_bytes
 
 
@@ -75,10 +76,18 @@ class MaterialTables:
             self.slots.append(content)
         return self.slots.index(content)
 
-    def primvar(self, slot: int, shape: object) -> Primvar | None:
-        """The authored primvar of a slot, None where a shape has none."""
-        name = self.slots[slot]
-        return shape.primvars.get(name) if isinstance(name, str) else None
+    def fill(self, record: DeviceScene, device: str) -> list[wp.array]:
+        """Copy everything to a device and let `record` point to it; returns the arrays, for their owner to keep."""
+        record.materials = wp.array(self.materials, dtype=MaterialRecord, device=device)
+        record.inputs = _rows(self.inputs, InputRecord, device)
+        record.pictures = _rows(self.pool.pictures, PictureRecord, device)
+        record.levels = _rows(self.pool.levels, LevelRecord, device)
+        # Without a copy on the CPU: nobody writes texels.
+        record.texels = wp.array(self.pool.words, dtype=wp.uint32, device=device, copy=False)
+        record.tiles = wp.array(np.array(self.tiles, np.int32).reshape(-1), dtype=wp.int32, device=device)
+        record.decode = wp.array(srgb_table(), dtype=wp.float32, device=device)
+        names = ("materials", "inputs", "pictures", "levels", "texels", "tiles", "decode")
+        return [getattr(record, name) for name in names]
 
     def _read_pictures(self, materials: dict[str, Material], budget: int) -> None:
         """Put every picture into the pool once, after working out how small they must be."""
@@ -171,6 +180,12 @@ class MaterialTables:
             row["primvar"], row["absent"] = self.slot(texture.st.varname), _four(texture.st.fallback)
         else:
             row["absent"] = _four(texture.st)
+
+
+def _rows(rows: list, dtype: type, device: str) -> wp.array:
+    """Records of tuples in the order of their fields."""
+    rows = np.array(rows, dtype.numpy_dtype())
+    return wp.array(rows, dtype=dtype, device=device) if len(rows) else wp.empty(0, dtype, device=device)
 
 
 def _picture_key(file: object, texture: Texture) -> tuple:

@@ -11,18 +11,13 @@ from .materials.albedo import albedo_table
 from .records import (
     DeviceScene,
     GeometryRecord,
-    InputRecord,
     InstanceRecord,
-    LevelRecord,
     LightRecord,
-    MaterialRecord,
-    PictureRecord,
     PrimvarRecord,
 )
 from .scene import Placement, Scene, materials_of
 from .shapes import SHAPES, Mesh, Sphere
 from .shapes.primvar import INTERPOLATIONS, absent_primvar
-from .texels import srgb_table
 
 
 class Upload:
@@ -190,19 +185,8 @@ class Upload:
         return faces
 
     def _upload_materials(self) -> None:
-        tables, pool = self._tables, self._tables.pool
-        self.record.materials = self._array(tables.materials, MaterialRecord)
+        self._kept += self._tables.fill(self.record, self.device)
         self.record.albedo = self._array(albedo_table(), wp.vec4)
-        self.record.inputs = self._array(np.array(tables.inputs, InputRecord.numpy_dtype()), InputRecord)
-        self.record.pictures = self._rows(pool.pictures, PictureRecord)
-        self.record.levels = self._rows(pool.levels, LevelRecord)
-        self.record.texels = self._array(pool.words, wp.uint32)
-        self.record.tiles = self._array(np.array(tables.tiles, np.int32).reshape(-1), wp.int32)
-        self.record.decode = self._array(srgb_table(), wp.float32)
-
-    def _rows(self, rows: list[tuple], dtype: type) -> wp.array:
-        """Records of tuples in the order of their fields."""
-        return self._array(np.array(rows, dtype.numpy_dtype()), dtype)
 
     def _upload_lights(self, lights: dict[str, Light]) -> None:
         radius = max(float(np.linalg.norm(self.bounds[1] - self.bounds[0])) / 2, 1e-6)
