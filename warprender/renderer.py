@@ -23,6 +23,9 @@ from .upload import Upload, camera_light_at
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
 DEFAULT_SAMPLES = 64
+#: The frame's error is trusted from this many samples a pixel on.
+FEWEST_FOR_ERROR = 16
+SAMPLERS = ("sobol", "independent")
 #: A pass is short enough to report progress and to stop in time.
 _PASS_SECONDS = 0.25
 
@@ -46,6 +49,7 @@ class Renderer:
         dome_light_visible: whether the camera sees the domes.
         lights_visible: whether the camera sees all lights.
         filter: reconstruction filter, "box", "triangle" or "gaussian".
+        sampler: "sobol" (scrambled points, well spread over a pixel's samples) or "independent" numbers.
 
     Raises:
         SceneError: the request cannot be met; the message names the prim or the argument.
@@ -66,6 +70,7 @@ class Renderer:
         dome_light_visible: bool = False,
         lights_visible: bool = False,
         filter: str = "box",
+        sampler: str = "sobol",
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -93,6 +98,9 @@ class Renderer:
             settings.pixelAspectRatio,
             settings.aspectRatioConformPolicy,
         )
+        if sampler not in SAMPLERS:
+            raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
+        self._sobol = sampler == "sobol"
         self._film = Film(*self.resolution, device, filter)
         self._seconds = {"prepare": time.perf_counter() - start}
 
@@ -161,8 +169,7 @@ class Renderer:
                 elapsed = time.perf_counter() - start
                 if seconds is not None and elapsed >= seconds:
                     break
-                # Two numbers say nothing of a spread: the error is trusted from 16 samples on.
-                if error is not None and taken >= 16 and self._film.relative_error() <= error:
+                if error is not None and taken >= FEWEST_FOR_ERROR and self._film.relative_error() <= error:
                     break
                 per_sample = elapsed / taken
                 horizon = _PASS_SECONDS if seconds is None else min(_PASS_SECONDS, seconds - elapsed)
@@ -177,6 +184,7 @@ class Renderer:
     def _path_request(self, seed: int) -> PathRequest:
         request = PathRequest()
         request.seed = seed & 0xFFFFFFFF
+        request.sobol = int(self._sobol)
         request.bounces = int(self.plan.bounds["bounces"])
         request.lights_visible = int(self.request.lights_visible)
         request.dome_light_visible = int(self.request.dome_light_visible or self.request.lights_visible)

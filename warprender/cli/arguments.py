@@ -87,6 +87,7 @@ def _add_view_arguments(group: argparse._ArgumentGroup) -> None:
         help="outputs to render (default: color); may be repeated",
     )
     group.add_argument("--filter", default="box", help="reconstruction filter (default: box, one pixel)")
+    group.add_argument("--sampler", default="sobol", help="sobol points or independent numbers (default: sobol)")
     group.add_argument(
         "--colorCorrectionMode",
         "-color",
