@@ -202,7 +202,7 @@ class DeviceScene:
 class CameraRecord:
     """A camera: `rotation` has right, up and backward as columns; the window is at distance 1 (or in scene units).
 
-    `window` is left, bottom, right, top. `near` and `far` are along -Z.
+    `window` is left, bottom, right, top. `near` and `far` are along -Z. `lens_radius` 0 is a pinhole.
     """
 
     position: wp.vec3
@@ -214,4 +214,5 @@ class CameraRecord:
     far: wp.float32
     lens_radius: wp.float32
     focus_distance: wp.float32
+    orthographic: wp.int32
     origin: wp.vec3

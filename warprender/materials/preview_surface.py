@@ -26,7 +26,7 @@ from ..records import (
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
-from .albedo import white_albedo
+from .albedo import SIZE, albedo_table, white_albedo
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -78,13 +78,14 @@ class PreviewSurface:
     def pack(self) -> np.ndarray:
         """Values by input number: (n, 3)."""
         presence = float(self.opacityMode == "presence")
+        roughness, coat_roughness = np.clip([self.roughness, self.clearcoatRoughness], 0.0, 1.0)
         return np.array(
             [
                 self.diffuseColor,
                 self.emissiveColor,
                 self.specularColor,
                 [self.useSpecularWorkflow, self.metallic, self.ior],
-                [self.roughness, self.clearcoat, self.clearcoatRoughness],
+                [roughness, self.clearcoat, coat_roughness],
                 [self.opacity, self.opacityThreshold, presence],
             ],
             np.float32,
@@ -96,8 +97,22 @@ class PreviewSurface:
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""
-        specular = max(self.specularColor) if self.useSpecularWorkflow else 0.04
-        return min(1.0, max(*self.diffuseColor, specular) + specular)
+        tint, f0, f90 = np.array(self.diffuseColor), np.array(self.specularColor), 1.0
+        diffuse, coat_f0 = tint, ((1 - self.ior) / (1 + self.ior)) ** 2
+        if not self.useSpecularWorkflow:
+            f90 = 1 - self.metallic + tint * self.metallic
+            f0 = f90 * (coat_f0 * (1 - self.metallic) + self.metallic)
+            diffuse = tint * (1 - self.metallic)
+        base = _gloss(self.roughness, f0, f90) + np.max(diffuse) * (1 - np.min(f0))
+        coat = self.clearcoat * _gloss(self.clearcoatRoughness, coat_f0, 1.0)
+        return float(min(1.0, coat + (1 - coat) * base))
+
+
+def _gloss(roughness: float, f0: np.ndarray | float, f90: np.ndarray | float) -> float:
+    """Largest directional albedo of a lobe; the two roughnesses of the table on either side bound it."""
+    position = np.clip(roughness, 0.0, 1.0) * (SIZE - 1)
+    white = albedo_table()[:, [int(position), int(np.ceil(position))], :2].reshape(-1, 2, 1)
+    return float((f0 * (white[:, 0] - white[:, 1]) + f90 * white[:, 1]).max())
 
 
 @wp.func
