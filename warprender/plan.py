@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from .camera import Camera
-from .lights import LIGHTS, CameraLight, Light
+from .lights import LIGHTS, CameraLight, DomeLight, Light
 from .materials import MATERIALS, DisplayColor
 from .outputs import OUTPUTS
 from .scene import Placement, Scene, SceneError
@@ -148,10 +148,15 @@ def everything() -> PathKey:
 
 def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
     """The lights that emit, by path, with the camera light last when it is on."""
-    lights = {path: light for path, light in scene.lights.items() if light.radiance().any()}
+    lights = {path: light for path, light in scene.lights.items() if _emits(light)}
     if camera_light:
         lights["camera light"] = CameraLight()
     return lights
+
+
+def _emits(light: Light) -> bool:
+    """Whether it has a radiance and a size; a dome's power is not counted."""
+    return light.radiance().any() and (isinstance(light, DomeLight) or light.power(1.0) != 0)
 
 
 def check_outputs(names: tuple[str, ...]) -> None:
