@@ -53,7 +53,10 @@ class Surface:
 
 @wp.struct
 class Bsdf:
-    """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills."""
+    """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
+
+    `present` scales all that the surface does to light but let it through.
+    """
 
     kind: wp.int32
     emission: wp.vec3
@@ -64,6 +67,7 @@ class Bsdf:
     coat: wp.float32
     coat_f0: wp.float32
     coat_alpha: wp.float32
+    present: wp.float32
     pass_through: wp.float32
 
 

@@ -144,14 +144,14 @@ def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:
     opacity = wp.clamp(opacity_inputs[0], 0.0, 1.0)
     if opacity_inputs[1] > 0.0:
         opacity = wp.where(opacity >= opacity_inputs[1], 1.0, 0.0)
-    bsdf.diffuse = bsdf.diffuse * opacity
     bsdf.pass_through = 1.0 - opacity
+    bsdf.present = 1.0
     presence = opacity_inputs[2] > 0.5 or opacity_inputs[1] > 0.0
     if presence:
-        bsdf.f0 = bsdf.f0 * opacity
-        bsdf.f90 = bsdf.f90 * opacity
-        bsdf.coat = bsdf.coat * opacity
+        bsdf.present = opacity
         bsdf.emission = bsdf.emission * opacity
+    else:
+        bsdf.diffuse = bsdf.diffuse * opacity
     bsdf.pass_through = bsdf.pass_through * clear_share(scene, bsdf, surface, presence)
     return bsdf
 
@@ -206,8 +206,10 @@ def lobe_probabilities(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3) -> wp.vec4:
     """Probability of sampling the diffuse, specular, clearcoat and straight-through lobe: by their albedos."""
     white = white_albedo(scene.albedo, wo[2], bsdf.alpha)
     coat = coat_albedo(scene, bsdf, wo[2])
-    specular = max_component(specular_albedo(bsdf, white)) * (1.0 - coat)
-    diffuse = max_component(bsdf.diffuse) * diffuse_scale(bsdf, white) * (1.0 - coat)
+    below_coat = bsdf.present * (1.0 - coat)
+    coat = bsdf.present * coat
+    specular = max_component(specular_albedo(bsdf, white)) * below_coat
+    diffuse = max_component(bsdf.diffuse) * diffuse_scale(bsdf, white) * below_coat
     total = diffuse + specular + coat + bsdf.pass_through
     if total <= 0.0:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
@@ -241,7 +243,7 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
     h = h / length
     half_cos = wp.clamp(wp.dot(wo, h), 0.0, 1.0)
     probability = lobe_probabilities(scene, bsdf, wo)
-    below_coat = 1.0 - wp.max(coat_albedo(scene, bsdf, wo[2]), coat_albedo(scene, bsdf, wi[2]))
+    below_coat = bsdf.present * (1.0 - wp.max(coat_albedo(scene, bsdf, wo[2]), coat_albedo(scene, bsdf, wi[2])))
     value.diffuse = diffuse_lobe(scene, bsdf, wo, wi, half_cos) * below_coat
     value.pdf = probability[0] * cosine_hemisphere_pdf(wi[2])
     if bsdf.alpha >= SMALLEST_ALPHA:
@@ -249,7 +251,7 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
         value.specular += fresnel * (below_coat * ggx_reflection(wo, wi, h, bsdf.alpha))
         value.pdf += probability[1] * ggx_visible_pdf(wo, h, bsdf.alpha)
     if bsdf.coat > 0.0 and bsdf.coat_alpha >= SMALLEST_ALPHA:
-        white = coat_fresnel(bsdf, half_cos) * ggx_reflection(wo, wi, h, bsdf.coat_alpha)
+        white = bsdf.present * coat_fresnel(bsdf, half_cos) * ggx_reflection(wo, wi, h, bsdf.coat_alpha)
         value.specular += wp.vec3(white, white, white)
         value.pdf += probability[2] * ggx_visible_pdf(wo, h, bsdf.coat_alpha)
     return value
@@ -261,7 +263,7 @@ def mirror(bsdf: Bsdf, wo: wp.vec3, weight: wp.vec3, probability: float) -> Bsdf
     result = BsdfSample()
     result.event = wp.where(probability > 0.0, EVENT_DELTA, EVENT_ABSORB)
     result.direction = wp.vec3(-wo[0], -wo[1], wo[2])
-    result.specular = weight / probability
+    result.specular = weight * (bsdf.present / probability)
     return result
 
 
