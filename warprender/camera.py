@@ -121,6 +121,7 @@ class Camera:
         if "lens" in self.effects():
             record.lens_radius = 0.05 * self.focalLength / self.fStop
         record.focus_distance = self.focusDistance
+        record.orthographic = int(self.projection == "orthographic")
         record.origin = wp.vec3(*origin)
         return record
 
@@ -132,6 +133,7 @@ def camera_ray_function(effects: tuple[str, ...]) -> wp.Function:
     The ray starts on the near plane and ends on the far plane; its direction has unit length.
     """
     orthographic, lens = "orthographic" in effects, "lens" in effects
+    only_orthographic = int("perspective" not in effects)
 
     @wp.func
     def camera_ray(camera: CameraRecord, x: float, y: float, u: wp.vec2) -> Ray:
@@ -141,12 +143,14 @@ def camera_ray_function(effects: tuple[str, ...]) -> wp.Function:
         origin = wp.vec3(0.0, 0.0, 0.0)
         towards = wp.vec3(px, py, -1.0)
         if wp.static(orthographic):
-            origin = wp.vec3(px, py, 0.0)
-            towards = wp.vec3(0.0, 0.0, -1.0)
+            if camera.orthographic + wp.static(only_orthographic) > 0:
+                origin = wp.vec3(px, py, 0.0)
+                towards = wp.vec3(0.0, 0.0, -1.0)
         if wp.static(lens):
-            place = unit_disk(u) * camera.lens_radius
-            origin = wp.vec3(place[0], place[1], 0.0)
-            towards = wp.vec3(px, py, -1.0) * camera.focus_distance - origin
+            if camera.lens_radius > 0.0:
+                place = unit_disk(u) * camera.lens_radius
+                origin = wp.vec3(place[0], place[1], 0.0)
+                towards = wp.vec3(px, py, -1.0) * camera.focus_distance - origin
         ray = Ray()
         # A unit step of the raw vector along -Z, so that the clipping planes are exact.
         towards = towards / -towards[2]

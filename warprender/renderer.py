@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+import numpy as np
 import warp as wp
 
 from .camera import Camera
@@ -134,6 +135,10 @@ class Renderer:
             taken, interrupted = self._sample(samples, error, seconds, seed, progress, values)
             self._seconds["sample"] = time.perf_counter() - start
         return self._frame(values, taken, seed, interrupted)
+
+    def standard_error(self) -> np.ndarray:
+        """(H, W, 3) float64 standard error of the last frame's colour; inf where a pixel has under two samples."""
+        return self._film.standard_error() * self.camera.exposureScale
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:

@@ -81,6 +81,15 @@ class PathResult:
 
 
 @wp.func
+def end_margin(origin: wp.vec3, distance: float) -> float:
+    """How far rounding may put a point at this distance before or behind its place."""
+    margin = wp.float32(0.0)
+    if distance < INFINITY:
+        margin = (max_component(wp.abs(origin)) + distance) * GAMMA_7
+    return margin
+
+
+@wp.func
 def shadow_ray(surface: Surface, light: LightSample) -> Ray:
     """From the surface to the light, clear of both ends by the error bounds of each."""
     ray = Ray()
@@ -88,8 +97,7 @@ def shadow_ray(surface: Surface, light: LightSample) -> Ray:
     ray.direction = light.direction
     ray.t_max = INFINITY
     if light.distance < INFINITY:
-        reach = max_component(wp.abs(surface.position)) + light.distance
-        ray.t_max = light.distance - reach * GAMMA_7
+        ray.t_max = light.distance - end_margin(surface.position, light.distance)
     return ray
 
 
@@ -157,6 +165,8 @@ def radiance_function(key: PathKey) -> wp.Function:
         # Density of the last direction; 0 after a delta event and at the camera, where no light was aimed at.
         pdf = wp.float32(0.0)
         from_camera = wp.bool(True)
+        # What the camera ray has left of itself behind the clear surfaces that it passed; alpha is the rest.
+        clear = wp.float32(1.0)
         depth = wp.int32(0)
         step = wp.int32(0)
         passed_t = wp.float32(0.0)
@@ -174,7 +184,8 @@ def radiance_function(key: PathKey) -> wp.Function:
                             seen = request.dome_light_visible != 0
                     if seen:
                         met = meet_light(scene.lights[i], ray.origin, ray.direction)
-                        if met.distance > passed_t and met.distance <= hit.t:
+                        # Ties go to the light, as they do for shadow rays: a lamp may lie on a ceiling.
+                        if met.distance > passed_t and met.distance - end_margin(ray.origin, met.distance) <= hit.t:
                             weight = wp.float32(1.0)
                             if pdf > 0.0:
                                 weight = power_heuristic(pdf, met.pdf * scene.lights[i].choice)
@@ -184,7 +195,7 @@ def radiance_function(key: PathKey) -> wp.Function:
                             )
                             if from_camera:
                                 share = diffuse_throughput + specular_throughput
-                                result.alpha = 1.0
+                                clear = 0.0
                             result.radiance += wp.cw_mul(share, met.radiance) * weight
             if hit.instance < 0:
                 break
@@ -204,12 +215,13 @@ def radiance_function(key: PathKey) -> wp.Function:
                 if scattered.event == EVENT_PASS:
                     diffuse_throughput = wp.cw_mul(diffuse_throughput, scattered.specular)
                     specular_throughput = wp.cw_mul(specular_throughput, scattered.specular)
+                    clear = wp.where(from_camera, clear * scattered.specular[0], clear)
                     passed_t = hit.t
                     hit = closest_after(scene, ray, hit)
                     step += 1
                     continue
             if from_camera:
-                result.alpha = 1.0
+                clear = 0.0
                 from_camera = wp.bool(False)
             if depth >= request.bounces + 1:
                 break
@@ -261,6 +273,7 @@ def radiance_function(key: PathKey) -> wp.Function:
             step += 1
             hit = closest(scene, ray)
             result.rays += wp.vec3i(0, 1, 0)
+        result.alpha = 1.0 - clear
         return result
 
     return radiance
