@@ -24,6 +24,7 @@ class View:
         camera: path or name of a camera, None for the usual choice.
         complexity: usdrecord's.
         references: pictures to compare with, below the folder of all assets.
+        first_camera: whether the stage's first camera is taken where none is named.
         remark: how the references were made.
     """
 
@@ -32,6 +33,7 @@ class View:
     camera: str | None = None
     complexity: float = 1.0
     references: tuple[str, ...] = ()
+    first_camera: bool = False
     remark: str = ""
 
     @property
@@ -102,9 +104,8 @@ def _arnold(assets: Path) -> list[View]:
     for test, scene, frame, what in (r for r in _rows(assets / folder / "README.md") if len(r) == 4):
         if (assets / folder / test).is_dir():
             reference = f"{folder}/{test}/reference.png"
-            views.append(
-                View(f"{folder}/{test}/{scene}", float(frame) if frame else None, references=(reference,), remark=what)
-            )
+            stage, time = f"{folder}/{test}/{scene}", float(frame) if frame else None
+            views.append(View(stage, time, references=(reference,), first_camera=True, remark=what))
     return views
 
 
@@ -131,7 +132,7 @@ def _baseline_views(folder: str, flags: str, pictures: list[str]) -> list[View]:
             next(iter(options.get("camera", [])), None),
             level,
             (f"{folder}/baseline/{picture}",),
-            flags,
+            remark=flags,
         )
         for (time, level), picture in zip(choices, pictures, strict=False)
     ]

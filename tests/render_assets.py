@@ -136,8 +136,8 @@ def _draw(view: View, args: argparse.Namespace) -> Result:
 
     try:
         scene = wr.load(args.assets / view.stage, time=view.time, complexity=view.complexity)
-        size = _resolution(view, args)
-        renderer = wr.Renderer(scene, camera=view.camera, resolution=size)
+        camera = view.camera or (next(iter(scene.cameras), None) if view.first_camera else None)
+        renderer = wr.Renderer(scene, camera=camera, resolution=_resolution(view, args))
         frame = renderer.render(samples=args.samples)
     except wr.SceneError as error:
         return Result("refused", message=str(error))

@@ -52,13 +52,12 @@ def load(
 
     Args:
         path: a .usda, .usdc, .usd or .usdz file, or a `Usd.Stage`.
-        time: time code; None is the stage's startTimeCode if it is authored, else the default time.
+        time: time code; None is the stage's startTimeCode if it is authored, else as early as anything is.
         purposes: purposes to draw besides "default"; None is usdrecord's, ("proxy",).
         variants: prim path to variant set to selection.
         mask: prim paths; only they, what they contain and their ancestors are read.
         session_layer: a layer whose opinions win over the stage's.
         complexity: usdrecord's, 1.0 to 1.3 or low, medium, high, veryhigh: 0 to 3 levels of subdivision.
-
         render_settings: path of the RenderSettings prim; None is the stage's own choice.
 
     Returns:
@@ -185,7 +184,8 @@ def _time_code(stage: Usd.Stage, time: float | Usd.TimeCode | None) -> Usd.TimeC
         return Usd.TimeCode(float(time))
     if stage.HasAuthoredMetadata("startTimeCode"):
         return Usd.TimeCode(stage.GetStartTimeCode())
-    return Usd.TimeCode.Default()
+    # As usdrecord: the first sample of what is animated, the default of what is not.
+    return Usd.TimeCode.EarliestTime()
 
 
 def _purposes(purposes: Iterable[str] | None) -> frozenset[str]:
