@@ -13,7 +13,8 @@ from ..scene import Placement, Scene, SceneError
 from ..shapes import Mesh, Sphere
 from .binding import Bindings
 from .cameras import read_cameras
-from .geometry import read_mesh, read_sphere
+from .geometry import read_mesh
+from .gprims import KINDS, read_gprim
 from .lights import read_light
 from .primvars import inherited_from
 from .reading import Diagnostics, Reading, one_line, shared_prim
@@ -24,7 +25,7 @@ from .walk import Visit, is_light, walk
 #: Prim type to the reader of its shape; what is not here is not drawn yet, and says so.
 SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
     "Mesh": read_mesh,
-    "Sphere": read_sphere,
+    **dict.fromkeys(KINDS, read_gprim),
 }
 
 #: What usdrecord draws besides `default`.
@@ -104,6 +105,8 @@ def _place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
     if read is None:
         reading.remark(prim, f"{prim.GetTypeName() or 'a prim without a type'} is not drawn yet")
         return
+    if prim.HasAPI("MeshLightAPI"):
+        reading.remark(prim, "it does not shine yet as MeshLightAPI asks")
     transforms, ids = _drawable_copies(reading, visit)
     shape = _shared_shape(reading, prim, bindings, read) if len(transforms) else None
     if shape is None:
