@@ -61,9 +61,7 @@ def test_automatic_framing_shows_everything(up_axis):
     )
     camera = auto_camera(scene)
     low, high = scene.bounds
-    corners = np.array(
-        [[x, y, z, 1] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
-    )
+    corners = np.array([[x, y, z, 1] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
     seen = corners @ np.linalg.inv(camera.transform)
     window = np.array([camera.horizontalAperture, camera.horizontalAperture]) / 2 / camera.focalLength
     assert (np.abs(seen[:, :2] / -seen[:, 2:3]) <= window + 1e-9).all()

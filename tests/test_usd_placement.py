@@ -52,9 +52,7 @@ def test_purposes_follow_usdrecord():
 
 
 def test_inactive_and_abstract_prims_are_not_drawn():
-    scene = scene_of(
-        'def Sphere "a" ( active = false ) { } class Sphere "b" { } over "c" { } def Sphere "d" { }'
-    )
+    scene = scene_of('def Sphere "a" ( active = false ) { } class Sphere "b" { } over "c" { } def Sphere "d" { }')
     assert list(scene.placements) == ["/d"]
 
 
@@ -94,9 +92,7 @@ class "outer" { def "inner" ( instanceable = true
 def test_native_instances_share_their_shapes():
     scene = scene_of(
         NATIVE
-        + "".join(
-            f'def Xform "i{k}" ( instanceable = true\n inherits = </outer> ) {{ {at(k)} }}' for k in range(3)
-        )
+        + "".join(f'def Xform "i{k}" ( instanceable = true\n inherits = </outer> ) {{ {at(k)} }}' for k in range(3))
     )
     assert [positions(scene, f"/i{k}/inner/m") for k in range(3)] == [[[k, 0, 0]] for k in range(3)]
     assert len({id(p.shape) for p in scene.placements.values()}) == 1
@@ -138,9 +134,7 @@ def test_ids_hide_instances():
 
 
 def test_orientationsf_and_zero_orientations_are_finite():
-    scene = scene_of(
-        instancer("quatf[] orientationsf = [(0, 0, 0, 1), (0, 0, 0, 0), (1, 0, 0, 0), (1, 0, 0, 0)]")
-    )
+    scene = scene_of(instancer("quatf[] orientationsf = [(0, 0, 0, 1), (0, 0, 0, 0), (1, 0, 0, 0), (1, 0, 0, 0)]"))
     transforms = scene.placements["/p/proto/s"].transforms
     np.testing.assert_allclose(transforms[0, :3, :3], np.diag([-1, -1, 1]), atol=1e-6)
     assert np.isfinite(transforms).all()

@@ -6,7 +6,7 @@ import pytest
 from usd_stage import scene_of
 
 from warprender.scene import SceneError
-from warprender.usd import load, parse_variants
+from warprender.usd import load
 
 ASSETS = Path(__file__).parents[2] / "shared" / "usd_assets"
 SOME_ASSETS = (
@@ -51,12 +51,6 @@ def test_a_session_layer_wins(tmp_path):
     session.write_text('#usda 1.0\nover "s" {\n double radius = 7\n}\n')
     scene = scene_of('def Sphere "s" { }', session_layer=session)
     assert scene.placements["/s"].shape.radius == 7
-
-
-def test_variant_arguments():
-    assert parse_variants(["/a:x=1", "/a:y=2"]) == {"/a": {"x": "1", "y": "2"}}
-    with pytest.raises(SceneError, match="--variant"):
-        parse_variants(["a=1"])
 
 
 @pytest.mark.skipif(not ASSETS.exists(), reason="../shared/usd_assets is not there")

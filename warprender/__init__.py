@@ -1,3 +1,78 @@
-"""Render OpenUSD stages with NVIDIA Warp kernels, on the CPU and on CUDA with the same code."""
+"""Render OpenUSD stages with NVIDIA Warp kernels, on the CPU and on CUDA with the same code.
+
+    import warprender as wr
+
+    scene = wr.load("scenes_usd/cornell_box.usda")
+    frame = wr.render(scene, resolution=(512, 512), samples=64)
+    frame.save("cornell.png")
+
+Names are imported when they are first used, so that the command line answers at once.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .camera import Camera
+    from .frame import Frame
+    from .lights import CameraLight, DiskLight, DistantLight, DomeLight, RectLight, SphereLight
+    from .materials import DisplayColor, PreviewSurface
+    from .plan import RenderPlan
+    from .renderer import Renderer, render
+    from .scene import Scene, SceneError
+    from .usd import load
 
 __version__ = "0.1.0"
+
+#: Public name to the module that it lives in.
+_HOMES = {
+    "Camera": "camera",
+    "CameraLight": "lights",
+    "DiskLight": "lights",
+    "DisplayColor": "materials",
+    "DistantLight": "lights",
+    "DomeLight": "lights",
+    "Frame": "frame",
+    "PreviewSurface": "materials",
+    "RectLight": "lights",
+    "RenderPlan": "plan",
+    "Renderer": "renderer",
+    "Scene": "scene",
+    "SceneError": "scene",
+    "SphereLight": "lights",
+    "load": "usd",
+    "render": "renderer",
+}
+
+__all__ = [
+    "Camera",
+    "CameraLight",
+    "DiskLight",
+    "DisplayColor",
+    "DistantLight",
+    "DomeLight",
+    "Frame",
+    "PreviewSurface",
+    "RectLight",
+    "RenderPlan",
+    "Renderer",
+    "Scene",
+    "SceneError",
+    "SphereLight",
+    "load",
+    "render",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_HOMES]

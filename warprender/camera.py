@@ -1,8 +1,24 @@
 """UsdGeomCamera: its window, and the rays through it."""
 
 from __future__ import annotations
+
 from dataclasses import dataclass, field
+from functools import cache
+
 import numpy as np
+import warp as wp
+
+from .records import CameraRecord, Ray
+from .sampling import unit_disk
+
+#: What an image whose shape is not the aperture's does to the aperture (UsdRenderSettings).
+CONFORM_POLICIES = (
+    "expandAperture",
+    "cropAperture",
+    "adjustApertureWidth",
+    "adjustApertureHeight",
+    "adjustPixelAspectRatio",
+)
 
 
 @dataclass
@@ -11,8 +27,11 @@ class Camera:
 
     Attributes:
         projection: "perspective" or "orthographic".
-        focalLength, horizontalAperture, verticalAperture, horizontalApertureOffset,
-        verticalApertureOffset: tenths of a scene unit.
+        focalLength: tenths of a scene unit, as are the apertures and their offsets.
+        horizontalAperture: width of the window at the focal length; an orthographic window itself.
+        verticalAperture: height of it.
+        horizontalApertureOffset: shift of the window to the right.
+        verticalApertureOffset: shift of the window upwards.
         clippingRange: distances along -Z in scene units.
         fStop: 0 is a pinhole.
         focusDistance: in scene units.
@@ -31,3 +50,110 @@ class Camera:
     focusDistance: float = 0.0
     exposureScale: float = 1.0
     transform: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+    def effects(self) -> tuple[str, ...]:
+        """What the camera calls for, by name: its projection, and "lens" for depth of field."""
+        with_lens = self.projection == "perspective" and self.fStop > 0 and self.focusDistance > 0
+        return (self.projection, "lens") if with_lens else (self.projection,)
+
+    def fault(self) -> str:
+        """Why no picture can be taken with it, in a few words; "" for a good camera."""
+        near, far = self.clippingRange
+        if self.projection not in ("perspective", "orthographic"):
+            return f"projection {self.projection!r} is neither perspective nor orthographic"
+        for name in ("focalLength", "horizontalAperture", "verticalAperture"):
+            if not 0 < getattr(self, name) < np.inf:
+                return f"{name} is {getattr(self, name)}; this camera sees nothing"
+        if not (near < far) or (self.projection == "perspective" and near <= 0):
+            return f"clippingRange ({near:g}, {far:g}) is empty or starts behind the camera"
+        if not np.isfinite(self.transform).all() or np.linalg.matrix_rank(self.transform[:3, :3]) < 3:
+            return "its transform is singular or not finite"
+        return ""
+
+    def window(self, aspect: float, policy: str = "expandAperture") -> tuple[float, float, float, float]:
+        """Left, bottom, right, top of the image at distance 1, or in scene units when orthographic.
+
+        Args:
+            aspect: width × pixel aspect ratio / height of the image.
+            policy: one of `CONFORM_POLICIES`.
+        """
+        width, height = self.horizontalAperture, self.verticalAperture
+        wider = aspect > width / height
+        adjust_width = {
+            "expandAperture": wider,
+            "cropAperture": not wider,
+            "adjustApertureWidth": True,
+            "adjustApertureHeight": False,
+        }.get(policy)
+        if adjust_width is True:
+            width = height * aspect
+        elif adjust_width is False:
+            height = width / aspect
+        scale = 0.1 if self.projection == "orthographic" else 1.0 / self.focalLength
+        x, y = self.horizontalApertureOffset, self.verticalApertureOffset
+        edges = (x - width / 2, y - height / 2, x + width / 2, y + height / 2)
+        return tuple(scale * edge for edge in edges)
+
+    def frame_of_reference(self) -> np.ndarray:
+        """(3, 3) float64 with the world's unit right, up and backward vectors as columns; scale drops out."""
+        right, up, backward = np.asarray(self.transform, np.float64)[:3, :3]
+        backward = backward / np.linalg.norm(backward)
+        right = right - backward * (right @ backward)
+        right = right / np.linalg.norm(right)
+        up = up - backward * (up @ backward) - right * (up @ right)
+        return np.stack([right, up / np.linalg.norm(up), backward], 1)
+
+    def record(
+        self,
+        width: int,
+        height: int,
+        origin: np.ndarray,
+        pixel_aspect: float = 1.0,
+        policy: str = "expandAperture",
+    ) -> CameraRecord:
+        """The device's record, with positions relative to `origin` (3,) float64."""
+        record = CameraRecord()
+        record.position = wp.vec3(*(np.asarray(self.transform, np.float64)[3, :3] - origin))
+        record.rotation = wp.mat33(*self.frame_of_reference().reshape(-1))
+        record.window = wp.vec4(*self.window(width * pixel_aspect / height, policy))
+        record.width, record.height = width, height
+        record.near, record.far = self.clippingRange
+        if "lens" in self.effects():
+            record.lens_radius = 0.05 * self.focalLength / self.fStop
+        record.focus_distance = self.focusDistance
+        record.origin = wp.vec3(*origin)
+        return record
+
+
+@cache
+def camera_ray_function(effects: tuple[str, ...]) -> wp.Function:
+    """`camera_ray(camera, x, y, u) -> Ray` for raster position (x, y) in pixels and lens sample u.
+
+    The ray starts on the near plane and ends on the far plane; its direction has unit length.
+    """
+    orthographic, lens = "orthographic" in effects, "lens" in effects
+
+    @wp.func
+    def camera_ray(camera: CameraRecord, x: float, y: float, u: wp.vec2) -> Ray:
+        window = camera.window
+        px = window[0] + (window[2] - window[0]) * (x / wp.float32(camera.width))
+        py = window[3] + (window[1] - window[3]) * (y / wp.float32(camera.height))
+        origin = wp.vec3(0.0, 0.0, 0.0)
+        towards = wp.vec3(px, py, -1.0)
+        if wp.static(orthographic):
+            origin = wp.vec3(px, py, 0.0)
+            towards = wp.vec3(0.0, 0.0, -1.0)
+        if wp.static(lens):
+            place = unit_disk(u) * camera.lens_radius
+            origin = wp.vec3(place[0], place[1], 0.0)
+            towards = wp.vec3(px, py, -1.0) * camera.focus_distance - origin
+        ray = Ray()
+        # A unit step of the raw vector along -Z, so that the clipping planes are exact.
+        towards = towards / -towards[2]
+        length = wp.length(towards)
+        ray.origin = camera.position + camera.rotation * (origin + towards * camera.near)
+        ray.direction = camera.rotation * (towards / length)
+        ray.t_max = (camera.far - camera.near) * length
+        return ray
+
+    return camera_ray

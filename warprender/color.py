@@ -46,8 +46,6 @@ def blackbody_tint(kelvin: float) -> np.ndarray:
     first = min(int(position), len(_BLACKBODY) - 2)
     t = position - first
     knots = _BLACKBODY[np.clip(np.arange(first - 1, first + 3), 0, len(_BLACKBODY) - 1)]
-    weights = 0.5 * np.array(
-        [-t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, -(t**2) + t**3]
-    )
+    weights = 0.5 * np.array([-t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, -(t**2) + t**3])
     rgb = weights @ knots
     return np.maximum(rgb / (rgb @ LUMINANCE), 0.0)

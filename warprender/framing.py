@@ -10,6 +10,9 @@ from .camera import Camera
 from .scene import Placement, Scene, SceneError
 from .shapes import Mesh
 
+#: usdrecord's width of pictures.
+DEFAULT_WIDTH = 960
+
 #: Name of the camera that usdrecord takes when none is asked for.
 MAIN_CAMERA = "main_cam"
 
@@ -34,8 +37,19 @@ def choose_camera(scene: Scene, name: str | None = None) -> Camera:
     if not path:
         return auto_camera(scene)
     camera = scene.cameras[path]
-    _check(path, camera)
+    if fault := camera.fault():
+        raise SceneError(f"{path}: {fault}")
     return camera
+
+
+def choose_resolution(scene: Scene, camera: Camera, width: int | None = None) -> tuple[int, int]:
+    """(width, height) in pixels: `width` by the camera's aspect, else the settings', else 960 wide."""
+    if width is None and scene.settings.resolution is not None:
+        return scene.settings.resolution
+    width = width or DEFAULT_WIDTH
+    # As usdrecord: the quotient in 32 bits (960 by 16:9 is 540, not 539), cut to whole pixels.
+    aspect = np.float32(camera.horizontalAperture / camera.verticalAperture)
+    return width, max(1, int(np.float32(width) / aspect))
 
 
 def auto_camera(scene: Scene) -> Camera:
@@ -92,16 +106,3 @@ def _find(scene: Scene, name: str) -> str | None:
     if name in scene.cameras:
         return name
     return next((path for path in scene.cameras if path.rsplit("/", 1)[-1] == name), None)
-
-
-def _check(path: str, camera: Camera) -> None:
-    """Refuse a camera whose window has no extent, or whose place is not in the world."""
-    for field in ("focalLength", "horizontalAperture", "verticalAperture"):
-        value = getattr(camera, field)
-        if not (np.isfinite(value) and value > 0):
-            raise SceneError(f"{path}: {field} is {value}; this camera sees nothing")
-    near, far = camera.clippingRange
-    if not near < far:
-        raise SceneError(f"{path}: clippingRange ({near}, {far}) is empty")
-    if not np.isfinite(camera.transform).all() or np.linalg.det(camera.transform[:3, :3]) == 0:
-        raise SceneError(f"{path}: its transform is singular or not finite")

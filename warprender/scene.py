@@ -125,9 +125,7 @@ class Scene:
         indices = np.concatenate(faces) if faces else np.zeros(0, np.int64)
         if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
             raise SceneError(f"{path}: a face index is outside 0…{len(points) - 1}")
-        host = (
-            points.numpy() if isinstance(points, wp.array) else np.asarray(points, np.float32).reshape(-1, 3)
-        )
+        host = points.numpy() if isinstance(points, wp.array) else np.asarray(points, np.float32).reshape(-1, 3)
         mesh = Mesh.from_polygons(host, counts, indices)
         if isinstance(points, wp.array):
             mesh.points = points

@@ -1,10 +1,42 @@
 """The camera light: what usdrecord adds to a stage without lights."""
 
 from __future__ import annotations
+
 from dataclasses import dataclass
+
+import warp as wp
+
+from ..color import LUMINANCE
+from ..numerics import PI
+from ..records import LightRecord, LightSample
 from .light import Light
 
 
 @dataclass
 class CameraLight(Light):
     """A point at the camera without falloff: a facing white Lambert surface reads 1 at any distance."""
+
+    def power(self, scene_radius: float) -> float:
+        """Power through a disk as large as the scene."""
+        return float(self.radiance() @ LUMINANCE) * (3.14159 * scene_radius) ** 2
+
+
+@wp.func
+def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
+    """The direction to the camera; an irradiance of π makes a white Lambert surface read 1."""
+    result = LightSample()
+    towards = light.position - p
+    distance = wp.length(towards)
+    if distance > 0.0:
+        result.direction = towards / distance
+        result.distance = distance
+        result.radiance = light.radiance * PI
+        result.pdf = 1.0
+        result.delta = 1
+    return result
+
+
+@wp.func
+def meet(light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
+    """Nothing: a point."""
+    return LightSample()

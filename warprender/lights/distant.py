@@ -1,9 +1,17 @@
-"""UsdLuxDistantLight."""
+"""UsdLuxDistantLight: uniform over a cone of directions, or one direction."""
 
 from __future__ import annotations
+
 from dataclasses import dataclass
+
 import numpy as np
-from .light import Light
+import warp as wp
+
+from ..color import LUMINANCE
+from ..numerics import PI, from_frame, safe_normalize, tangent_of
+from ..records import LightRecord, LightSample
+from ..sampling import uniform_cone
+from .light import Light, infinite_sample, linear_part
 
 
 @dataclass
@@ -24,6 +32,10 @@ class DistantLight(Light):
         """Half the cone's angle in radians, clamped to 0…π."""
         return float(np.clip(np.radians(self.angle) / 2.0, 0.0, np.pi))
 
+    def size(self) -> tuple[float, float, float]:
+        """1 - cos of the half angle."""
+        return (2.0 * np.sin(self.half_angle() / 2.0) ** 2, 0.0, 0.0)
+
     def size_factor(self) -> float:
         """Illuminance of a facing surface under radiance 1 (UsdLux: sizeFactor of a distant light)."""
         theta = self.half_angle()
@@ -31,3 +43,48 @@ class DistantLight(Light):
             return 1.0
         sin2 = np.sin(theta) ** 2
         return float(np.pi * (sin2 if theta <= np.pi / 2 else 2.0 - sin2))
+
+    def power(self, scene_radius: float) -> float:
+        """Power through a disk as large as the scene."""
+        return float(self.radiance() @ LUMINANCE) * self.size_factor() * np.pi * scene_radius**2
+
+    def local_to_world(self) -> np.ndarray:
+        """(3, 3) whose last row is the unit direction towards the light; scale and shear drop out."""
+        towards = -np.asarray(self.direction, np.float64) @ linear_part(self.transform)
+        length = np.linalg.norm(towards)
+        if length == 0.0:
+            return np.zeros((3, 3))
+        towards = towards / length
+        side = np.cross(np.eye(3)[np.argmin(np.abs(towards))], towards)
+        side = side / np.linalg.norm(side)
+        return np.stack([side, np.cross(towards, side), towards])
+
+
+@wp.func
+def axis_of(light: LightRecord) -> wp.vec3:
+    """Unit direction towards the middle of the light."""
+    return safe_normalize(wp.vec3(light.linear[0, 2], light.linear[1, 2], light.linear[2, 2]))
+
+
+@wp.func
+def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
+    """A direction towards the light; a light of angle 0 is a delta light with pdf 1."""
+    axis = axis_of(light)
+    cone = light.size[0]
+    if cone <= 0.0:
+        result = infinite_sample(axis, light.radiance, 1.0)
+        result.delta = 1
+        return result
+    direction = from_frame(tangent_of(axis), axis, uniform_cone(u, cone))
+    return infinite_sample(direction, light.radiance, 1.0 / (2.0 * PI * cone))
+
+
+@wp.func
+def meet(light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
+    """What a ray meets of the light."""
+    cone = light.size[0]
+    # |a - b|² / 2 = 1 - cos, without cancellation for narrow cones.
+    away = direction - axis_of(light)
+    if cone <= 0.0 or 0.5 * wp.dot(away, away) > cone:
+        return LightSample()
+    return infinite_sample(direction, light.radiance, 1.0 / (2.0 * PI * cone))

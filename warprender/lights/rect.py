@@ -1,9 +1,18 @@
-"""UsdLuxRectLight."""
+"""UsdLuxRectLight: uniform over the solid angle that it fills (Ureña, Fajardo and King 2013)."""
 
 from __future__ import annotations
+
 from dataclasses import dataclass
+
 import numpy as np
-from .light import Light, linear_part
+import warp as wp
+
+from ..numerics import PI
+from ..records import LightRecord, LightSample
+from .light import Light, flat_to_world, local_sample, point_to_light
+
+#: Below this solid angle the closed form has lost its digits in float32; the rectangle is sampled by area.
+_SMALLEST_SOLID_ANGLE = wp.constant(wp.float32(0.02))
 
 
 @dataclass
@@ -18,7 +27,108 @@ class RectLight(Light):
     width: float = 1.0
     height: float = 1.0
 
+    def size(self) -> tuple[float, float, float]:
+        """Half width, half height."""
+        return (self.width / 2, self.height / 2, 0.0)
+
     def size_factor(self) -> float:
         """World area."""
-        x, y, _ = linear_part(self.transform)
+        x, y, _ = self.local_to_world()
         return float(np.linalg.norm(np.cross(x * self.width, y * self.height)))
+
+    def local_to_world(self) -> np.ndarray:
+        """(3, 3) for row vectors."""
+        return flat_to_world(self.transform)
+
+
+@wp.struct
+class SphericalRect:
+    """A rectangle seen from a point: its corners relative to the point, and the constants of Ureña et al. 2013."""
+
+    x0: wp.float32
+    x1: wp.float32
+    y0: wp.float32
+    y1: wp.float32
+    z0: wp.float32
+    b0: wp.float32
+    b1: wp.float32
+    k: wp.float32
+    solid_angle: wp.float32
+
+
+@wp.func
+def spherical_rect(light: LightRecord, q: wp.vec3) -> SphericalRect:
+    """The light seen from q in light space, q.z < 0."""
+    r = SphericalRect()
+    r.x0 = -light.size[0] - q[0]
+    r.x1 = light.size[0] - q[0]
+    r.y0 = -light.size[1] - q[1]
+    r.y1 = light.size[1] - q[1]
+    r.z0 = q[2]
+    # Normals of the planes through q and each edge; only z is needed.
+    n0 = -r.y0 / wp.sqrt(r.z0 * r.z0 + r.y0 * r.y0)
+    n1 = r.x1 / wp.sqrt(r.z0 * r.z0 + r.x1 * r.x1)
+    n2 = r.y1 / wp.sqrt(r.z0 * r.z0 + r.y1 * r.y1)
+    n3 = -r.x0 / wp.sqrt(r.z0 * r.z0 + r.x0 * r.x0)
+    g0 = wp.acos(wp.clamp(-n0 * n1, -1.0, 1.0))
+    g1 = wp.acos(wp.clamp(-n1 * n2, -1.0, 1.0))
+    g2 = wp.acos(wp.clamp(-n2 * n3, -1.0, 1.0))
+    g3 = wp.acos(wp.clamp(-n3 * n0, -1.0, 1.0))
+    r.b0 = n0
+    r.b1 = n2
+    r.k = 2.0 * PI - g2 - g3
+    r.solid_angle = g0 + g1 - r.k
+    return r
+
+
+@wp.func
+def point_in_solid_angle(r: SphericalRect, u: wp.vec2) -> wp.vec3:
+    """Vector from the point to a place on the rectangle, uniform in solid angle; z along +local Z."""
+    au = u[0] * r.solid_angle + r.k
+    sin_au = wp.sin(au)
+    fu = (wp.cos(au) * r.b0 - r.b1) / wp.where(sin_au == 0.0, 1.0e-20, sin_au)
+    cu = wp.clamp(wp.sign(fu) / wp.sqrt(fu * fu + r.b0 * r.b0), -1.0, 1.0)
+    xu = wp.clamp(-(cu * r.z0) / wp.max(wp.sqrt(1.0 - cu * cu), 1.0e-7), r.x0, r.x1)
+    d2 = xu * xu + r.z0 * r.z0
+    h0 = r.y0 / wp.sqrt(d2 + r.y0 * r.y0)
+    h1 = r.y1 / wp.sqrt(d2 + r.y1 * r.y1)
+    hv = h0 + u[1] * (h1 - h0)
+    yv = wp.clamp(hv * wp.sqrt(d2) / wp.sqrt(wp.max(1.0 - hv * hv, 1.0e-12)), r.y0, r.y1)
+    return wp.vec3(xu, yv, -r.z0)
+
+
+@wp.func
+def density(light: LightRecord, r: SphericalRect, direction: wp.vec3, distance: float) -> float:
+    """Pdf per solid angle of light space, the same rule for sampling and for meeting."""
+    if r.solid_angle >= _SMALLEST_SOLID_ANGLE:
+        return 1.0 / r.solid_angle
+    area = 4.0 * light.size[0] * light.size[1]
+    return distance * distance / (area * wp.max(direction[2], 1.0e-20))
+
+
+@wp.func
+def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
+    """A direction from p to the light."""
+    q = point_to_light(light, p)
+    if q[2] >= 0.0:
+        return LightSample()
+    r = spherical_rect(light, q)
+    place = wp.vec3(r.x0 + u[0] * (r.x1 - r.x0), r.y0 + u[1] * (r.y1 - r.y0), -r.z0)
+    if r.solid_angle >= _SMALLEST_SOLID_ANGLE:
+        place = point_in_solid_angle(r, u)
+    distance = wp.length(place)
+    direction = place / distance
+    return local_sample(light, direction, distance, density(light, r, direction, distance))
+
+
+@wp.func
+def meet(light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
+    """What a ray meets of the light."""
+    q = point_to_light(light, origin)
+    local = wp.normalize(light.inverse * direction)
+    if q[2] >= 0.0 or local[2] <= 0.0:
+        return LightSample()
+    t = -q[2] / local[2]
+    if wp.abs(q[0] + t * local[0]) > light.size[0] or wp.abs(q[1] + t * local[1]) > light.size[1]:
+        return LightSample()
+    return local_sample(light, local, t, density(light, spherical_rect(light, q), local, t))

@@ -1,4 +1,4 @@
-"""UsdGeomMesh as triangles: polygons of any size, cut once at load, with the way back to the authored faces."""
+"""UsdGeomMesh as triangles: polygons cut once at load, with the way back to the authored faces."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from dataclasses import dataclass, field
 
 import mapbox_earcut
 import numpy as np
+import warp as wp
 
-from .primvar import Primvar
+from ..numerics import GAMMA_7, max_component
+from ..records import GeometryRecord, Hit
+from .local_surface import LocalSurface
+from .primvar import Primvar, interpolate
 
 
 @dataclass
@@ -46,7 +50,7 @@ class Mesh:
         hole_faces: np.ndarray | None = None,
         **fields,
     ) -> Mesh:
-        """Cut polygons into triangles; `fields` are the remaining attributes.
+        """Cut polygons into triangles.
 
         Args:
             points: (N, 3) float32.
@@ -54,6 +58,7 @@ class Mesh:
             face_vertex_indices: (sum of counts,) int.
             left_handed: UsdGeomMesh `orientation`; the winding of every triangle is turned round.
             hole_faces: faces that are not drawn (`holeIndices`).
+            **fields: the remaining attributes.
         """
         triangles, faces, corners = triangulate(points, face_vertex_counts, face_vertex_indices, hole_faces)
         if left_handed:
@@ -140,3 +145,37 @@ def _cut_ears(ring: np.ndarray) -> np.ndarray:
 
 def _cross_2d(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+@wp.func
+def mesh_surface(geometry: GeometryRecord, hit: Hit) -> LocalSurface:
+    """The hit point from its barycentrics: eight times nearer to the triangle than origin + t direction."""
+    i = geometry.indices[3 * hit.face]
+    j = geometry.indices[3 * hit.face + 1]
+    k = geometry.indices[3 * hit.face + 2]
+    p0 = geometry.points[i]
+    p1 = geometry.points[j]
+    p2 = geometry.points[k]
+    w = 1.0 - hit.u - hit.v
+    local = LocalSurface()
+    local.position = p0 * w + p1 * hit.u + p2 * hit.v
+    local.error = (wp.abs(p0 * w) + wp.abs(p1 * hit.u) + wp.abs(p2 * hit.v)) * GAMMA_7
+    local.geometric_normal = triangle_normal(p0, p1, p2)
+    local.normal = local.geometric_normal
+    local.face = geometry.faces[hit.face]
+    if geometry.normals.interpolation >= 0:
+        vertices = wp.vec3i(i, j, k)
+        n = interpolate(geometry.normals, local.face, hit.face, vertices, hit.u, hit.v)
+        local.normal = wp.vec3(n[0], n[1], n[2])
+    return local
+
+
+@wp.func
+def triangle_normal(p0: wp.vec3, p1: wp.vec3, p2: wp.vec3) -> wp.vec3:
+    """Direction of (p1 - p0) × (p2 - p0), computed at a scale where small triangles do not underflow."""
+    a = p1 - p0
+    b = p2 - p0
+    largest = wp.max(max_component(wp.abs(a)), max_component(wp.abs(b)))
+    if largest == 0.0:
+        return wp.vec3(0.0, 0.0, 0.0)
+    return wp.cross(a / largest, b / largest)

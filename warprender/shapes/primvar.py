@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
+
+from ..records import DeviceScene, PrimvarRecord, Surface
 
 #: Interpolations in the order of their ids on the device. `varying` is stored as `vertex`: they differ only
 #: under subdivision, which happens before a mesh gets here.
@@ -18,7 +21,7 @@ class Primvar:
     Attributes:
         values: (K, C) float32, C from 1 to 4 components.
         interpolation: one of `INTERPOLATIONS`. K is 1 (constant), the number of faces (uniform), of points
-            (vertex), or of face corners in `faceVertexIndices` order (faceVarying), unless `indices` is given.
+            (vertex), or of corners in `faceVertexIndices` order (faceVarying), unless `indices` is given.
         indices: (K,) int32 or None; with it, element k has the value `values[indices[k]]`.
     """
 
@@ -32,9 +35,7 @@ class Primvar:
         if self.interpolation == "varying":
             self.interpolation = "vertex"
         if self.interpolation not in INTERPOLATIONS:
-            raise ValueError(
-                f"interpolation {self.interpolation!r} is not one of {', '.join(INTERPOLATIONS)}"
-            )
+            raise ValueError(f"interpolation {self.interpolation!r} is not one of {', '.join(INTERPOLATIONS)}")
         if self.indices is not None:
             self.indices = np.ascontiguousarray(self.indices, np.int32)
 
@@ -45,3 +46,71 @@ class Primvar:
     def expanded(self) -> np.ndarray:
         """The values with `indices` resolved: (K, C) float32."""
         return self.values if self.indices is None else self.values[self.indices]
+
+    def upload(self, corners: np.ndarray, device: str) -> PrimvarRecord:
+        """The device's record of it, for triangles whose vertices are the authored face corners (T, 3)."""
+        record = PrimvarRecord()
+        record.interpolation = INTERPOLATIONS.index(self.interpolation)
+        record.width = self.values.shape[1]
+        values = self.values
+        if self.interpolation == "faceVarying":
+            indices = corners.reshape(-1) if self.indices is None else self.indices[corners.reshape(-1)]
+            record.indices = wp.array(indices, dtype=wp.int32, device=device)
+        elif self.indices is not None:
+            values = self.expanded()
+        record.values = wp.array(values.reshape(-1), dtype=wp.float32, device=device)
+        return record
+
+
+def absent_primvar() -> PrimvarRecord:
+    """The record of a primvar that a shape does not have."""
+    record = PrimvarRecord()
+    record.interpolation = -1
+    return record
+
+
+@wp.func
+def value_at(primvar: PrimvarRecord, index: int) -> wp.vec4:
+    """Value number `index`, missing components 0."""
+    value = wp.vec4(0.0, 0.0, 0.0, 0.0)
+    first = index * primvar.width
+    for c in range(primvar.width):
+        value[c] = primvar.values[first + c]
+    return value
+
+
+@wp.func
+def interpolate(primvar: PrimvarRecord, face: int, triangle: int, vertices: wp.vec3i, u: float, v: float) -> wp.vec4:
+    """Value at the barycentrics (1 - u - v, u, v) of a triangle with these point indices, cut from `face`."""
+    if primvar.interpolation == 0:
+        return value_at(primvar, 0)
+    if primvar.interpolation == 1:
+        return value_at(primvar, face)
+    corner = vertices
+    if primvar.interpolation == 3:
+        corner = wp.vec3i(
+            primvar.indices[3 * triangle],
+            primvar.indices[3 * triangle + 1],
+            primvar.indices[3 * triangle + 2],
+        )
+    a = value_at(primvar, corner[0])
+    return a + (value_at(primvar, corner[1]) - a) * u + (value_at(primvar, corner[2]) - a) * v
+
+
+@wp.func
+def primvar_at(scene: DeviceScene, surface: Surface, slot: int, fallback: wp.vec4) -> wp.vec4:
+    """The primvar in a slot of the scene at a surface; `fallback` where the shape does not have it."""
+    index = surface.geometry * scene.primvar_count + slot
+    interpolation = scene.primvars[index].interpolation
+    if interpolation < 0:
+        return fallback
+    if interpolation == 0:
+        return value_at(scene.primvars[index], 0)
+    triangle = surface.hit.face
+    vertices = wp.vec3i(
+        scene.geometries[surface.geometry].indices[3 * triangle],
+        scene.geometries[surface.geometry].indices[3 * triangle + 1],
+        scene.geometries[surface.geometry].indices[3 * triangle + 2],
+    )
+    face = scene.geometries[surface.geometry].faces[triangle]
+    return interpolate(scene.primvars[index], face, triangle, vertices, surface.hit.u, surface.hit.v)

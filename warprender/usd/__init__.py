@@ -2,6 +2,5 @@
 
 from ..framing import auto_camera, choose_camera, placement_bounds
 from .load import LEVELS, load
-from .stage import parse_variants
 
-__all__ = ["LEVELS", "auto_camera", "choose_camera", "load", "parse_variants", "placement_bounds"]
+__all__ = ["LEVELS", "auto_camera", "choose_camera", "load", "placement_bounds"]

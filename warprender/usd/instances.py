@@ -94,9 +94,7 @@ def _instance_matrices(reading: Reading, instancer: UsdGeom.PointInstancer, coun
         return None
     matrices = np.array(matrices, np.float64).reshape(-1, 4, 4)
     if len(matrices) != count:
-        reading.remark(
-            instancer.GetPrim(), "its instances are not drawn: positions and protoIndices differ in length"
-        )
+        reading.remark(instancer.GetPrim(), "its instances are not drawn: positions and protoIndices differ in length")
         return None
     return matrices
 

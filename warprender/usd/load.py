@@ -47,6 +47,7 @@ def load(
     *,
     session_layer: str | os.PathLike | None = None,
     complexity: float | str = 1.0,
+    render_settings: str | None = None,
 ) -> Scene:
     """Read a USD stage.
 
@@ -59,6 +60,8 @@ def load(
         session_layer: a layer whose opinions win over the stage's.
         complexity: usdrecord's, 1.0 to 1.3 or low, medium, high, veryhigh: 0 to 3 levels of subdivision.
 
+        render_settings: path of the RenderSettings prim; None is the stage's own choice.
+
     Returns:
         The scene. What cannot be drawn is named in `scene.warnings`.
 
@@ -70,7 +73,7 @@ def load(
         try:
             stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
             reading = Reading(stage, _time_code(stage, time), _purposes(purposes), level)
-            _read(reading)
+            _read(reading, render_settings)
         except Tf.ErrorException as error:
             raise SceneError(f"{path}: {one_line(error)}") from None
     for line in diagnostics.lines:
@@ -79,13 +82,13 @@ def load(
     return reading.scene
 
 
-def _read(reading: Reading) -> None:
+def _read(reading: Reading, render_settings: str | None) -> None:
     scene = reading.scene
     layer = reading.stage.GetRootLayer()
     scene.source = layer.realPath or layer.identifier
     read_metadata(reading.stage, scene)
     read_cameras(reading)
-    read_settings(reading)
+    read_settings(reading, render_settings)
     visits = list(walk(reading))
     shapes = [v for v in visits if v.prim.IsA(UsdGeom.Gprim)]
     bindings = Bindings(reading)
@@ -115,9 +118,7 @@ def _place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
     reading.scene.placements[path] = Placement(path, shape, transforms, bindings.key(prim), ids)
 
 
-def _shared_shape(
-    reading: Reading, prim: Usd.Prim, bindings: Bindings, read: Callable
-) -> Mesh | Sphere | None:
+def _shared_shape(reading: Reading, prim: Usd.Prim, bindings: Bindings, read: Callable) -> Mesh | Sphere | None:
     """The shape of a prim, read once for all instances that look alike."""
     subsets = bindings.subset_keys(prim)
     key = (shared_prim(prim).GetPath(), inherited_from(prim), subsets)

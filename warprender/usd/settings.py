@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from pxr import Usd, UsdRender
+from pxr import Sdf, Usd, UsdRender
 
-from ..scene import RenderSettings
+from ..scene import RenderSettings, SceneError
 from .reading import Reading
 
 
-def read_settings(reading: Reading) -> None:
-    """The settings that the stage names, else its only RenderSettings prim, into `scene.settings`."""
-    prim = _settings_prim(reading)
+def read_settings(reading: Reading, path: str | None = None) -> None:
+    """The settings at `path`, else those that the stage names, else its only ones, into `scene.settings`.
+
+    Raises:
+        SceneError: `path` is no RenderSettings prim.
+    """
+    prim = _asked_prim(reading, path) if path else _settings_prim(reading)
     if not prim:
         return
     schema = UsdRender.Settings(prim)
@@ -26,6 +30,13 @@ def read_settings(reading: Reading) -> None:
     settings.pixelAspectRatio = float(reading.get(schema.GetPixelAspectRatioAttr()))
     settings.aspectRatioConformPolicy = str(reading.get(schema.GetAspectRatioConformPolicyAttr()))
     reading.scene.settings = settings
+
+
+def _asked_prim(reading: Reading, path: str) -> Usd.Prim:
+    prim = reading.stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
+    if not prim or not prim.IsA(UsdRender.Settings):
+        raise SceneError(f"render settings {path}: there is no such RenderSettings prim")
+    return prim
 
 
 def _settings_prim(reading: Reading) -> Usd.Prim | None:

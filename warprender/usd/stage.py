@@ -47,22 +47,6 @@ def open_stage(
     return stage
 
 
-def parse_variants(arguments: Iterable[str]) -> dict[str, dict[str, str]]:
-    """Command-line arguments `/Prim:set=value` as `load` takes them.
-
-    Raises:
-        SceneError: an argument has another form.
-    """
-    variants: dict[str, dict[str, str]] = {}
-    for argument in arguments:
-        prim, colon, selection = argument.rpartition(":")
-        name, equals, value = selection.partition("=")
-        if not (prim.startswith("/") and colon and name and equals):
-            raise SceneError(f"--variant {argument}: expected /Prim:set=value")
-        variants.setdefault(prim, {})[name] = value
-    return variants
-
-
 def read_metadata(stage: Usd.Stage, scene: Scene) -> None:
     """Up axis and unit of the stage; a warning and the fallback where they make no sense."""
     up_axis = stage.GetMetadata("upAxis")

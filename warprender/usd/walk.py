@@ -56,8 +56,7 @@ def walk(reading: Reading) -> Iterator[Visit]:
     cache = UsdGeom.XformCache(reading.time)
     root = reading.stage.GetPseudoRoot()
     stack = [
-        _Step(child, np.eye(4), Frame.world(), None, IN_WORLD)
-        for child in reversed(root.GetFilteredChildren(IN_WORLD))
+        _Step(child, np.eye(4), Frame.world(), None, IN_WORLD) for child in reversed(root.GetFilteredChildren(IN_WORLD))
     ]
     while stack:
         step = stack.pop()

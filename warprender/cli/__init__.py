@@ -1,0 +1,44 @@
+"""The command line: one file a command.
+
+A command's file offers `add_parser(commands)` and `run(args) -> exit code`. Warp, USD and NumPy are imported
+inside `run`, so that help and usage errors come at once. Exit codes: 0 done, 1 an error, 2 wrong usage, 130
+interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from . import plan, render
+from .report import error, interrupted
+
+#: The commands, in the order of the help. Adding one is one file and one entry.
+COMMANDS = (render, plan)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit code; bad input is one line on stderr.
+
+    Raises:
+        SystemExit: wrong usage (code 2) or --help (code 0), as argparse does.
+    """
+    args = build_parser().parse_args(argv)
+    try:
+        return args.run(args)
+    except KeyboardInterrupt:
+        return interrupted("the picture under way is not saved")
+    except (ValueError, OSError) as problem:
+        return error(problem)
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    parser = argparse.ArgumentParser(
+        prog="warprender",
+        description="Render OpenUSD stages on the CPU and on CUDA; flags as usdrecord's.",
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for command in COMMANDS:
+        command.add_parser(commands)
+    return parser

@@ -1,0 +1,188 @@
+"""The flags that commands share: usdrecord's by its names and meanings, then ours."""
+
+from __future__ import annotations
+
+import argparse
+
+from .framespec import FrameSpec, parse_frames
+
+_COMPLEXITIES = ("low", "medium", "high", "veryhigh")
+
+
+def add_picture_arguments(parser: argparse.ArgumentParser) -> None:
+    """STAGE and every flag that says which picture of it is meant."""
+    parser.add_argument("stage", metavar="STAGE", help="USD file")
+    _add_stage_arguments(parser.add_argument_group("stage"))
+    _add_view_arguments(parser.add_argument_group("view"))
+    _add_light_arguments(parser.add_argument_group("lights"))
+    _add_accuracy_arguments(parser.add_argument_group("accuracy"))
+    _add_device_arguments(parser.add_argument_group("device"))
+
+
+def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--mask", type=names, metavar="PRIMPATH[,PRIMPATH...]", help="draw these prims and what is below them"
+    )
+    group.add_argument(
+        "--purposes",
+        type=names,
+        default=["proxy"],
+        metavar="PURPOSE[,PURPOSE...]",
+        help="purposes drawn besides default (default: proxy)",
+    )
+    group.add_argument("--sessionLayer", metavar="FILE", help="open the stage with this session layer")
+    group.add_argument(
+        "--variant",
+        type=variant,
+        action="append",
+        default=[],
+        metavar="/PRIM:SET=VALUE",
+        help="select a variant; may be repeated",
+    )
+    group.add_argument("--renderSettingsPrimPath", "-rs", metavar="PRIMPATH", help="RenderSettings prim")
+    group.add_argument(
+        "--complexity",
+        "-c",
+        choices=_COMPLEXITIES,
+        default="low",
+        help="refinement of subdivision surfaces (default: low)",
+    )
+    times = group.add_mutually_exclusive_group()
+    times.add_argument(
+        "--defaultTime",
+        "-d",
+        action="store_true",
+        help="draw the default time; without it, the stage's startTimeCode if it has one",
+    )
+    times.add_argument(
+        "--frames",
+        "-f",
+        type=frame_spec,
+        metavar="FRAMESPEC[,FRAMESPEC...]",
+        help="time codes a, a:b or a:bxs",
+    )
+
+
+def _add_view_arguments(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--camera",
+        "-cam",
+        metavar="NAME",
+        help="camera by name or prim path; else the settings' camera, main_cam, or one that frames all",
+    )
+    size = group.add_mutually_exclusive_group()
+    size.add_argument(
+        "--imageWidth",
+        "-w",
+        type=positive_int,
+        metavar="PIXELS",
+        help="width; the camera's aspect gives the height (default: the render settings' resolution, or 960)",
+    )
+    size.add_argument("--resolution", type=resolution, metavar="WxH", help="width and height in pixels")
+    group.add_argument(
+        "--aov",
+        type=names,
+        action="append",
+        metavar="NAME[,NAME...]",
+        help="outputs to render (default: color); may be repeated",
+    )
+    group.add_argument("--filter", default="box", help="reconstruction filter (default: box, one pixel)")
+    group.add_argument(
+        "--colorCorrectionMode",
+        "-color",
+        choices=("disabled", "sRGB"),
+        default="sRGB",
+        help="colours of 8-bit pictures (default: sRGB)",
+    )
+
+
+def _add_light_arguments(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--cameraLight",
+        choices=("on", "off", "auto"),
+        default="auto",
+        help="a light at the camera (default: auto, where the stage has no light)",
+    )
+    group.add_argument(
+        "--disableCameraLight",
+        dest="cameraLight",
+        action="store_const",
+        const="off",
+        help="the same as --cameraLight off",
+    )
+    group.add_argument("--enableDomeLightVisibility", action="store_true", help="draw dome lights behind all")
+    group.add_argument("--enableLightVisibility", action="store_true", help="draw every light")
+
+
+def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--transport", default="auto", help="auto, none, local, direct, whitted or path (default: auto)")
+    group.add_argument("--visibility", default="auto", help="auto, rays or raster (default: auto)")
+    group.add_argument("--samples", type=positive_int, help="samples for each pixel")
+    group.add_argument("--error", type=positive_float, help="stop at this relative standard error")
+    group.add_argument("--seconds", type=positive_float, help="stop after this time")
+    group.add_argument("--bounces", type=count, help="reflections followed after the camera's hit")
+    group.add_argument("--seed", type=count, default=0, help="of the random numbers (default: 0)")
+
+
+def _add_device_arguments(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--device", default="cpu", help="Warp device, as cpu or cuda:0 (default: cpu)")
+    group.add_argument(
+        "--disableGpu", dest="device", action="store_const", const="cpu", help="the same as --device cpu"
+    )
+    group.add_argument("--threads", type=positive_int, help="CPU threads (default: all cores)")
+    group.add_argument("--renderer", "-r", metavar="NAME", help="read for usdrecord's sake; there is one renderer here")
+
+
+def names(text: str) -> list[str]:
+    """A list separated by commas or spaces."""
+    return text.replace(",", " ").split()
+
+
+def variant(text: str) -> tuple[str, str, str]:
+    """Prim path, variant set and selection of /Prim:set=value."""
+    prim, colon, choice = text.partition(":")
+    name, equals, value = choice.partition("=")
+    if not (prim.startswith("/") and colon and name and equals):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form /Prim:set=value")
+    return prim, name, value
+
+
+def frame_spec(text: str) -> FrameSpec:
+    """Frame ranges, as `parse_frames` reads them."""
+    try:
+        return parse_frames(text)
+    except ValueError as problem:
+        raise argparse.ArgumentTypeError(str(problem)) from None
+
+
+def resolution(text: str) -> tuple[int, int]:
+    """Width and height of WxH."""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form WxH, as 640x480")
+    return int(width), int(height)
+
+
+def positive_int(text: str) -> int:
+    """A whole number from 1 on."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
+    return int(text)
+
+
+def count(text: str) -> int:
+    """A whole number from 0 on."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 on")
+    return int(text)
+
+
+def positive_float(text: str) -> float:
+    """A finite number above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return value

@@ -1,0 +1,44 @@
+"""A progress bar with the time left, on a terminal alone."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+#: Called between passes with the share that is done, 0 to 1, and a callable that gives the frame so far.
+Progress = Callable[[float, Callable], None]
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Progress | None]:
+    """Show a bar while the body runs and yield what moves it; None where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        # Until the first pass is through, loading and compiling give no share to count.
+        task = bar.add_task(title, total=None)
+
+        def show(done: float, frame_so_far: Callable) -> None:
+            bar.update(task, total=1.0, completed=done)
+
+        yield show

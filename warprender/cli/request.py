@@ -1,0 +1,91 @@
+"""From parsed flags to the scene and the renderer that they ask for."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..renderer import Renderer
+    from ..scene import Scene
+
+#: What the time code "default" is as a number, in USD and in `load`.
+DEFAULT_TIME = float("nan")
+
+
+def times(args: argparse.Namespace) -> list[float | None]:
+    """The time code of each frame as `load` takes it; None is the stage's startTimeCode, if authored."""
+    if args.frames:
+        return list(args.frames.times)
+    return [DEFAULT_TIME if args.defaultTime else None]
+
+
+def load_scene(args: argparse.Namespace, time: float | None) -> Scene:
+    """The stage at one of `times`.
+
+    Raises:
+        SceneError: the stage, or something that a flag names in it, cannot be read.
+    """
+    from .. import load
+
+    variants: dict[str, dict[str, str]] = {}
+    for prim, name, value in args.variant:
+        variants.setdefault(prim, {})[name] = value
+    return load(
+        args.stage,
+        time=time,
+        purposes=args.purposes,
+        variants=variants or None,
+        mask=args.mask,
+        session_layer=args.sessionLayer,
+        complexity=args.complexity,
+        render_settings=args.renderSettingsPrimPath,
+    )
+
+
+def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
+    """The renderer of `scene` with the camera, the size and the accuracy that the flags ask for.
+
+    Raises:
+        SceneError: no such camera.
+        ValueError: an output, transport, device or filter that does not exist.
+    """
+    from .. import Renderer
+    from ..framing import choose_camera, choose_resolution
+
+    camera = choose_camera(scene, args.camera)
+    return Renderer(
+        scene,
+        camera=camera,
+        resolution=args.resolution or choose_resolution(scene, camera, args.imageWidth),
+        outputs=outputs(args),
+        visibility=args.visibility,
+        transport=args.transport,
+        device=args.device,
+        threads=args.threads,
+        bounces=args.bounces,
+        camera_light=args.cameraLight,
+        dome_light_visible=args.enableDomeLightVisibility,
+        lights_visible=args.enableLightVisibility,
+        filter=args.filter,
+    )
+
+
+def outputs(args: argparse.Namespace) -> tuple[str, ...]:
+    """The outputs of --aov, each once; color where none is asked for.
+
+    Raises:
+        SceneError: there is no such output.
+    """
+    from ..plan import check_outputs
+
+    asked = [name for names in args.aov or () for name in names]
+    check_outputs(asked)
+    return tuple(dict.fromkeys(asked)) or ("color",)
+
+
+def remarks(args: argparse.Namespace) -> list[str]:
+    """Warnings about flags that are read but change nothing."""
+    if args.renderer and args.renderer.lower() != "warprender":
+        return [f"--renderer {args.renderer}: read and ignored; warprender draws the picture"]
+    return []

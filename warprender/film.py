@@ -1,0 +1,144 @@
+"""The film: sums over samples, what they say of their own error, and the filter that spreads samples over pixels.
+
+Sums are float64 and in the order of the samples, so 64 samples at once or in four goes give the same bits.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import warp as wp
+
+from .launch import launch
+
+#: Entries of the tables that turn uniform numbers into filter offsets.
+_TABLE = 256
+
+
+@wp.struct
+class FilmRecord:
+    """Per pixel (H, W): sums of radiance and alpha, of squared radiance, and counts.
+
+    `rays` counts camera, bounce and shadow rays; `dropped` the samples that were not finite.
+    """
+
+    sums: wp.array2d(dtype=wp.vec4d)
+    squares: wp.array2d(dtype=wp.vec3d)
+    samples: wp.array2d(dtype=wp.int32)
+    dropped: wp.array2d(dtype=wp.int32)
+    rays: wp.array2d(dtype=wp.vec3i)
+    filter_table: wp.array(dtype=wp.float32)
+
+
+FILTERS = ("box", "triangle", "gaussian")
+
+
+def filter_table(name: str) -> np.ndarray:
+    """Inverse distribution of a reconstruction filter along one axis: (257,) float32 offsets in pixels.
+
+    "box" is one pixel wide, a sensor's own average; "triangle" and "gaussian" (σ = 0.5) reach 1 and 1.5 pixels.
+    """
+    if name not in FILTERS:
+        raise ValueError(f"filter {name!r} is not one of {', '.join(FILTERS)}")
+    radius = {"box": 0.5, "triangle": 1.0, "gaussian": 1.5}[name]
+    x = np.linspace(-radius, radius, 16 * _TABLE + 1)
+    density = {
+        "box": np.ones_like(x),
+        "triangle": 1.0 - np.abs(x),
+        "gaussian": np.exp(-2.0 * x * x) - np.exp(-2.0 * radius * radius),
+    }[name]
+    distribution = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
+    return np.interp(np.linspace(0, 1, _TABLE + 1), distribution / distribution[-1], x).astype(np.float32)
+
+
+@wp.func
+def filter_offset(table: wp.array(dtype=wp.float32), u: float) -> float:
+    """Offset from the pixel's centre, distributed as the filter."""
+    position = u * wp.float32(wp.static(_TABLE))
+    cell = wp.min(wp.int32(position), wp.static(_TABLE - 1))
+    a = table[cell]
+    return a + (table[cell + 1] - a) * (position - wp.float32(cell))
+
+
+class Film:
+    """Accumulates samples on a device; resumable."""
+
+    def __init__(self, width: int, height: int, device: str, filter: str = "box") -> None:
+        """An empty film of this size in pixels."""
+        self.width, self.height, self.device = width, height, device
+        shape = (height, width)
+        self.record = FilmRecord()
+        self.record.sums = wp.zeros(shape, dtype=wp.vec4d, device=device)
+        self.record.squares = wp.zeros(shape, dtype=wp.vec3d, device=device)
+        self.record.samples = wp.zeros(shape, dtype=wp.int32, device=device)
+        self.record.dropped = wp.zeros(shape, dtype=wp.int32, device=device)
+        self.record.rays = wp.zeros(shape, dtype=wp.vec3i, device=device)
+        self.record.filter_table = wp.array(filter_table(filter), dtype=wp.float32, device=device)
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        for array in (self.record.sums, self.record.squares, self.record.samples):
+            array.zero_()
+        self.record.dropped.zero_()
+        self.record.rays.zero_()
+
+    def color(self, exposure: float, threads: int | None = None) -> wp.array:
+        """The picture so far: (H, W) vec4 float32, premultiplied linear Rec.709 and alpha."""
+        picture = wp.empty((self.height, self.width), dtype=wp.vec4, device=self.device)
+        launch(
+            _resolve_kernel(),
+            self.width * self.height,
+            [self.record, exposure, picture],
+            self.device,
+            threads,
+        )
+        return picture
+
+    def standard_error(self) -> np.ndarray:
+        """(H, W, 3) float64 standard error of each pixel's mean, before exposure; inf below two samples."""
+        n = self.record.samples.numpy().astype(np.float64)[..., None]
+        sums, squares = self.record.sums.numpy()[..., :3], self.record.squares.numpy()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            variance = np.maximum(squares - sums * sums / n, 0.0) / (n - 1.0)
+            return np.where(n > 1, np.sqrt(variance / n), np.inf)
+
+    def relative_error(self) -> float:
+        """Relative RMS standard error of the frame over lit pixels, those whose mean is above 1e-3."""
+        n = np.maximum(self.record.samples.numpy().astype(np.float64), 1.0)[..., None]
+        mean = (self.record.sums.numpy()[..., :3] / n).mean(-1)
+        error = np.sqrt((self.standard_error() ** 2).mean(-1))
+        lit = mean > 1e-3
+        if not lit.any():
+            return 0.0
+        return float(np.sqrt(np.mean((error[lit] / mean[lit]) ** 2)))
+
+    def ray_counts(self) -> dict[str, int]:
+        """Rays traced so far, by kind."""
+        camera, bounce, shadow = self.record.rays.numpy().reshape(-1, 3).sum(0, dtype=np.int64)
+        return {"camera": int(camera), "bounce": int(bounce), "shadow": int(shadow)}
+
+    def dropped_samples(self) -> int:
+        """Samples that were not finite and are in no pixel."""
+        return int(self.record.dropped.numpy().sum(dtype=np.int64))
+
+
+@cache
+def _resolve_kernel() -> wp.Kernel:
+    @wp.kernel(module="unique", enable_backward=False)
+    def resolve(first: wp.int32, film: FilmRecord, exposure: wp.float32, picture: wp.array2d(dtype=wp.vec4)):
+        pixel = first + wp.tid()
+        y = pixel // picture.shape[1]
+        x = pixel % picture.shape[1]
+        value = wp.vec4(0.0, 0.0, 0.0, 0.0)
+        if film.samples[y, x] > 0:
+            mean = film.sums[y, x] / wp.float64(film.samples[y, x])
+            value = wp.vec4(
+                wp.float32(mean[0]) * exposure,
+                wp.float32(mean[1]) * exposure,
+                wp.float32(mean[2]) * exposure,
+                wp.float32(mean[3]),
+            )
+        picture[y, x] = value
+
+    return resolve

@@ -1,0 +1,89 @@
+"""A finished picture: the outputs of one render, how they came about, and the ways to keep or show them."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+from . import images
+
+
+class Frame:
+    """The outputs of one render; `frame.color`, `frame.cameraDepth`, … are its `wp.array`s.
+
+    The arrays are the renderer's own: no copy is made, and `__dlpack__` hands them on to other libraries.
+
+    Attributes:
+        outputs: output name to `wp.array` (H, W) of float32, int32 or vectors; row 0 is the top row.
+        stats: what the render took: samples, seconds, rays, error, warnings; `interrupted` if stopped.
+        receipt: what rendering it again needs: plan, seed, samples, versions, stage hash, flags; JSON-able.
+    """
+
+    def __init__(self, outputs: dict[str, wp.array], stats: dict | None = None, receipt: dict | None = None) -> None:
+        self.outputs = dict(outputs)
+        self.stats = stats if stats is not None else {}
+        self.receipt = receipt if receipt is not None else {}
+
+    def __getattr__(self, name: str) -> wp.array:
+        # Through __dict__: a Frame that is being unpickled has no outputs yet.
+        outputs = self.__dict__.get("outputs", {})
+        if name in outputs:
+            return outputs[name]
+        raise AttributeError(f"this frame has no output {name!r}; it has {', '.join(outputs) or 'none'}")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.outputs]
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        height, width = next(iter(self.outputs.values())).shape[:2]
+        return width, height
+
+    def numpy(self, name: str) -> np.ndarray:
+        """The output `name` on the host, (H, W) or (H, W, C); on the CPU it shares the array's memory.
+
+        Raises:
+            AttributeError: the frame has no such output.
+        """
+        return getattr(self, name).numpy()
+
+    def save(self, path: str | Path, color_correction: str = "sRGB", half: bool = False) -> None:
+        """Write an image file with the receipt in its metadata.
+
+        EXR keeps every output as a layer; PNG, JPEG, TIFF and HDR keep `color`. See `warprender.images` for
+        how values are stored.
+
+        Args:
+            path: the file; the extension chooses the format.
+            color_correction: "sRGB" or "disabled", for the 8-bit formats.
+            half: 16-bit floats in EXR.
+
+        Raises:
+            ValueError: the file cannot be written; the message names it and says why.
+        """
+        layers = {name: self.numpy(name) for name in self.outputs}
+        images.write(path, layers, self._metadata(), color_correction, half)
+
+    def _metadata(self) -> dict[str, str]:
+        # ASCII JSON: a PNG text chunk is Latin-1.
+        return {"Software": "warprender", "warprender": json.dumps(self.receipt, sort_keys=True)}
+
+    def _repr_png_(self) -> bytes | None:
+        """The colour as PNG bytes, which is how a notebook shows a frame."""
+        if "color" not in self.outputs:
+            return None
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "frame.png"
+            images.write_png(path, self.numpy("color"))
+            return path.read_bytes()
+
+    def __repr__(self) -> str:
+        width, height = self.resolution
+        samples = f"; {self.stats['samples']} samples" if "samples" in self.stats else ""
+        stopped = "; interrupted" if self.stats.get("interrupted") else ""
+        return f"Frame({width}x{height}: {', '.join(self.outputs)}{samples}{stopped})"

@@ -1,0 +1,263 @@
+"""Image files, all by OpenImageIO: 8-bit pictures, Radiance HDR, and EXR with one layer for each output.
+
+Pictures for display (PNG, JPEG, TIFF) hold what usdrecord writes: colour as it comes from the renderer, that
+is premultiplied by alpha, through the sRGB curve. PNG calls its colour unassociated, so on an empty
+background a viewer darkens the rims of objects; draw a dome light, or take EXR, where premultiplied is the
+convention.
+
+EXR keeps every value: floats as 32-bit floats, int32 as 32-bit unsigned integers of the same bits (EXR
+knows no signed ones), so -1, "nothing here", is stored as 4294967295 and `read` turns it back. OpenImageIO
+takes one type for each part, hence integers go into a second part named "integers".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from .color import srgb_encode
+
+#: Extensions by what they hold.
+DISPLAY_FORMATS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+LAYERED_FORMATS = (".exr",)
+LINEAR_FORMATS = (".hdr",)
+
+#: Choices of usdrecord's --colorCorrectionMode that need no configuration file.
+COLOR_CORRECTIONS = ("sRGB", "disabled")
+
+_HALF_MAX = 65504.0
+_COLOR_LAYERS = ("color", "albedo")
+
+
+def check_destination(path: str | Path) -> None:
+    """Raise ValueError, naming `path`, where it cannot become an image: to be asked before rendering."""
+    path = Path(path)
+    known = DISPLAY_FORMATS + LAYERED_FORMATS + LINEAR_FORMATS
+    if path.suffix.lower() not in known:
+        raise ValueError(f"{path}: unknown image extension {path.suffix!r}; known are {' '.join(known)}")
+    if not path.parent.is_dir():
+        raise ValueError(f"{path}: the folder {path.parent} does not exist")
+    if path.is_dir():
+        raise ValueError(f"{path}: is a folder")
+
+
+def kept(path: str | Path, outputs: Iterable[str]) -> list[str]:
+    """Those of the outputs that the format of `path` keeps: all in EXR, `color` in the others."""
+    return [name for name in outputs if name == "color" or Path(path).suffix.lower() in LAYERED_FORMATS]
+
+
+def write(
+    path: str | Path,
+    layers: Mapping[str, np.ndarray],
+    metadata: Mapping[str, str] | None = None,
+    color_correction: str = "sRGB",
+    half: bool = False,
+) -> None:
+    """Write what the extension of `path` holds: every layer (.exr), or the layer `color` (all others).
+
+    Args:
+        path: the file; its folder must exist.
+        layers: output name to (H, W) or (H, W, C) array, float or int32.
+        metadata: attribute name to text.
+        color_correction: "sRGB" or "disabled"; for display formats alone.
+        half: 16-bit floats; for EXR alone.
+
+    Raises:
+        ValueError: an unknown extension, a missing folder, no layer `color`, a file that cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    check_destination(path)
+    if not kept(path, layers):
+        raise ValueError(f"{path}: {suffix} holds color alone, and there is none; .exr holds all")
+    if suffix in LAYERED_FORMATS:
+        return write_exr(path, layers, metadata, half)
+    if suffix in LINEAR_FORMATS:
+        return _write_hdr(path, layers["color"], metadata)
+    return write_png(path, layers["color"], metadata, color_correction)
+
+
+def write_png(
+    path: str | Path,
+    rgba: np.ndarray,
+    metadata: Mapping[str, str] | None = None,
+    color_correction: str = "sRGB",
+) -> None:
+    """Write an 8-bit picture: PNG, or JPEG or TIFF by extension; JPEG drops alpha.
+
+    Args:
+        path: the file; its folder must exist.
+        rgba: (H, W, 3 or 4) float, premultiplied linear Rec.709, row 0 at the top.
+        metadata: attribute name to text.
+        color_correction: "sRGB" applies the curve, "disabled" writes linear values and says so in the file.
+
+    Raises:
+        ValueError: the file cannot be written, or an unknown `color_correction`.
+    """
+    check_destination(path)
+    pixels = display_bytes(rgba, color_correction)
+    suffix = Path(path).suffix.lower()
+    if suffix in (".jpg", ".jpeg"):
+        pixels = np.ascontiguousarray(pixels[..., :3])
+    spec = _spec(pixels, None, oiio.UINT8, metadata)
+    if suffix == ".png":
+        # Colours are written as they are: without this OpenImageIO divides them by alpha.
+        spec.attribute("oiio:UnassociatedAlpha", 1)
+    spec.attribute("oiio:ColorSpace", "sRGB" if color_correction == "sRGB" else "lin_rec709")
+    _write_parts(path, [(spec, pixels)])
+
+
+def display_bytes(rgba: np.ndarray, color_correction: str = "sRGB") -> np.ndarray:
+    """(H, W, C) uint8 of linear colours: NaN becomes 0, all is clamped to [0, 1], colours take the curve."""
+    if color_correction not in COLOR_CORRECTIONS:
+        raise ValueError(f"colour correction {color_correction!r} is none of {', '.join(COLOR_CORRECTIONS)}")
+    values = np.clip(np.nan_to_num(np.asarray(rgba, np.float64), nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+    if color_correction == "sRGB":
+        values[..., :3] = srgb_encode(values[..., :3])
+    return np.round(values * 255.0).astype(np.uint8)
+
+
+def write_exr(
+    path: str | Path,
+    layers: Mapping[str, np.ndarray],
+    metadata: Mapping[str, str] | None = None,
+    half: bool = False,
+) -> None:
+    """Write every layer: `color` as R, G, B, A, any other as NAME.Z, NAME.X,Y,Z, NAME.R,G,B or NAME.id.
+
+    Args:
+        path: the file; its folder must exist.
+        layers: output name to (H, W) or (H, W, C) array of one height and width, float or int32.
+        metadata: attribute name to text, stored in the first part.
+        half: 16-bit floats; finite values beyond 65504 become 65504. Integers keep their 32 bits.
+
+    Raises:
+        ValueError: the file cannot be written, or layers of different sizes.
+    """
+    check_destination(path)
+    if len({np.shape(a)[:2] for a in layers.values()}) != 1:
+        raise ValueError(f"{path}: an EXR needs one or more layers, all of one height and width")
+    floats = {n: a for n, a in layers.items() if not np.issubdtype(np.asarray(a).dtype, np.integer)}
+    integers = {n: a for n, a in layers.items() if n not in floats}
+    parts = []
+    if floats:
+        names, pixels = _stack(floats, np.float32)
+        if half:
+            pixels = np.where(np.isfinite(pixels), np.clip(pixels, -_HALF_MAX, _HALF_MAX), pixels)
+        parts.append(_exr_part("main", names, pixels, oiio.HALF if half else oiio.FLOAT, metadata))
+    if integers:
+        names, pixels = _stack(integers, np.int32)
+        metadata = None if parts else metadata
+        parts.append(_exr_part("integers", names, pixels.view(np.uint32), oiio.UINT32, metadata))
+    _write_parts(path, parts)
+
+
+def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, object]]:
+    """Read an image as the file holds it: neither curve nor alpha is undone.
+
+    Returns:
+        Layers, name to (H, W) or (H, W, C) array, and the first part's attributes, name to value. A layer is
+        float32 (8-bit values become k / 255) or int32; channels without a layer name are the layer `color`.
+
+    Raises:
+        ValueError: the file is missing or is no image; the message names it.
+    """
+    as_stored = oiio.ImageSpec()
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), as_stored)
+    if source is None:
+        raise ValueError(f"{path}: cannot be read: {_oiio_reason(oiio.geterror())}")
+    layers: dict[str, np.ndarray] = {}
+    metadata = {a.name: a.value for a in source.spec().extra_attribs}
+    part = 0
+    while source.seek_subimage(part, 0):
+        spec = source.spec()
+        integers = spec.format.basetype in (oiio.UINT32, oiio.INT32)
+        pixels = source.read_image(part, 0, 0, spec.nchannels, oiio.UINT32 if integers else oiio.FLOAT)
+        if pixels is None:
+            raise ValueError(f"{path}: cannot be read: {_oiio_reason(source.geterror())}")
+        pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+        layers |= _unstack(spec.channelnames, pixels.view(np.int32) if integers else pixels)
+        part += 1
+    source.close()
+    return layers, metadata
+
+
+def _write_hdr(path: Path, rgba: np.ndarray, metadata: Mapping[str, str] | None) -> None:
+    pixels = np.ascontiguousarray(np.asarray(rgba, np.float32)[..., :3])
+    _write_parts(path, [(_spec(pixels, None, oiio.FLOAT, metadata), pixels)])
+
+
+def _exr_part(name: str, channels: list[str], pixels: np.ndarray, kind: object, metadata) -> tuple:
+    spec = _spec(pixels, channels, kind, metadata)
+    spec.attribute("compression", "zip")
+    spec.attribute("oiio:subimagename", name)
+    return spec, pixels
+
+
+def _spec(pixels: np.ndarray, channels: list[str] | None, kind: object, metadata) -> oiio.ImageSpec:
+    height, width, count = pixels.shape
+    spec = oiio.ImageSpec(width, height, count, kind)
+    if channels is not None:
+        spec.channelnames = tuple(channels)
+    for name, text in (metadata or {}).items():
+        spec.attribute(name, text)
+    return spec
+
+
+def _stack(layers: Mapping[str, np.ndarray], dtype: type) -> tuple[list[str], np.ndarray]:
+    """Channel names, and all channels as one contiguous (H, W, C) array."""
+    names, planes = [], []
+    for name, array in layers.items():
+        array = np.asarray(array).astype(dtype, copy=False)
+        array = array.reshape(*array.shape[:2], -1)
+        names += _channel_names(name, array.shape[2], dtype is np.int32)
+        planes.append(array)
+    return names, np.ascontiguousarray(np.concatenate(planes, axis=2))
+
+
+def _channel_names(layer: str, count: int, integers: bool) -> list[str]:
+    if count == 1:
+        letters = ["id" if integers else "Z"]
+    elif count == 4 or layer in _COLOR_LAYERS:
+        letters = list("RGBA"[:count])
+    else:
+        letters = list("XYZ"[:count])
+    return letters if layer == "color" else [f"{layer}.{c}" for c in letters]
+
+
+def _unstack(channels: tuple[str, ...], pixels: np.ndarray) -> dict[str, np.ndarray]:
+    """The layers of `_stack` from channels in any order: EXR stores them by name."""
+    members: dict[str, list[tuple[str, int]]] = {}
+    for index, channel in enumerate(channels):
+        layer, _, letter = channel.rpartition(".")
+        members.setdefault(layer or "color", []).append((letter, index))
+    layers = {}
+    for layer, found in members.items():
+        order = [index for _, index in sorted(found, key=lambda c: "RGBAXYZ".find(c[0]))]
+        layers[layer] = pixels[..., order] if len(order) > 1 else pixels[..., order[0]]
+    return layers
+
+
+def _write_parts(path: str | Path, parts: list[tuple]) -> None:
+    """Write (spec, pixels) pairs as the parts of one file."""
+    target = oiio.ImageOutput.create(str(path))
+    if target is None:
+        raise ValueError(f"{path}: cannot be written: {_oiio_reason(oiio.geterror())}")
+    specs = tuple(spec for spec, _ in parts)
+    for index, (spec, pixels) in enumerate(parts):
+        if index == 0:
+            opened = target.open(str(path), specs if len(specs) > 1 else spec)
+        else:
+            opened = target.open(str(path), spec, "AppendSubimage")
+        if not opened or not target.write_image(pixels):
+            raise ValueError(f"{path}: cannot be written: {_oiio_reason(target.geterror())}")
+    if not target.close():
+        raise ValueError(f"{path}: cannot be written: {_oiio_reason(target.geterror())}")
+
+
+def _oiio_reason(message: str) -> str:
+    return " ".join(message.split()) or "OpenImageIO gives no reason"

@@ -1,0 +1,1 @@
+"""Integrators: from what is seen to radiance and AOVs. One a file: its kernel factory and its launch function."""

@@ -1,0 +1,78 @@
+"""Transport "none": AOVs of the surface that the centre of each pixel sees. No light, no secondary ray."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import warp as wp
+
+from ..camera import camera_ray_function
+from ..launch import launch
+from ..materials.dispatch import material_functions
+from ..outputs import OUTPUTS, OutputBuffers, Seen
+from ..plan import OutputsKey
+from ..records import CameraRecord, DeviceScene
+from ..shapes.surface import surface_function
+from ..visibility.rays import closest_after_function, closest_function
+
+#: Surfaces that are wholly clear are looked through, this many at most.
+MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
+
+
+@cache
+def outputs_kernel(key: OutputsKey) -> wp.Kernel:
+    """The kernel for a key; item i is pixel i in rows from the top."""
+    camera_ray = camera_ray_function(key.camera)
+    closest = closest_function(key.shapes)
+    closest_after = closest_after_function(key.shapes)
+    surface_at = surface_function(key.shapes)
+    prepare, _, _ = material_functions(key.materials)
+    writers = tuple(OUTPUTS[name].write for name in key.outputs)
+    count = len(writers)
+    straight_through = key.straight_through
+    orthographic = int("orthographic" in key.camera)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def outputs(first: wp.int32, scene: DeviceScene, camera: CameraRecord, buffers: OutputBuffers):
+        pixel = first + wp.tid()
+        seen = Seen()
+        seen.x = pixel % camera.width
+        seen.y = pixel // camera.width
+        seen.camera = camera
+        seen.orthographic = wp.static(orthographic)
+        seen.ray = camera_ray(camera, wp.float32(seen.x) + 0.5, wp.float32(seen.y) + 0.5, wp.vec2(0.5, 0.5))
+        hit = closest(scene, seen.ray)
+        if hit.instance < 0:
+            return
+        seen.surface = surface_at(scene, seen.ray, hit)
+        seen.bsdf = prepare(scene, seen.surface)
+        if wp.static(straight_through):
+            clear = wp.int32(0)
+            while seen.bsdf.pass_through >= 1.0 and clear < MOST_CLEAR_SURFACES:
+                hit = closest_after(scene, seen.ray, hit)
+                if hit.instance < 0:
+                    return
+                seen.surface = surface_at(scene, seen.ray, hit)
+                seen.bsdf = prepare(scene, seen.surface)
+                clear += 1
+        seen.instance = scene.instances[hit.instance]
+        if scene.geometries[seen.instance.geometry].faces.shape[0] > 0:
+            seen.face = scene.geometries[seen.instance.geometry].faces[hit.face]
+        # Unrolled in the kernel's own body, where a table of functions is safe.
+        for k in range(wp.static(count)):
+            wp.static(writers[k])(buffers, seen)
+
+    return outputs
+
+
+def launch_outputs(
+    key: OutputsKey,
+    scene: DeviceScene,
+    camera: CameraRecord,
+    buffers: OutputBuffers,
+    device: str,
+    threads: int,
+) -> None:
+    """Write the key's outputs for every pixel that sees something; the others keep their clear values."""
+    count = camera.width * camera.height
+    launch(outputs_kernel(key), count, [scene, camera, buffers], device, threads)

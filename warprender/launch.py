@@ -1,0 +1,62 @@
+"""One launch for every kernel: spread over CPU threads in chunks, plain on CUDA.
+
+Every kernel takes `first: wp.int32` as its first argument and works on item `first + wp.tid()`. A Warp launch on the
+CPU is one thread that releases the GIL, so chunks run side by side. No two items may write one address: the CPU's
+atomics are plain reads and writes. Which thread takes a chunk changes no bit of the result.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+import warp as wp
+
+# A chunk must be long against a launch (about 20 µs) and short against the whole, so that threads end together.
+_CHUNKS_PER_THREAD = 12
+_SMALLEST_CHUNK = 256
+
+
+def launch(
+    kernel: wp.Kernel, count: int, arguments: Sequence, device: str | wp.Device, threads: int | None = None
+) -> None:
+    """Run `kernel` on items 0 … count - 1 and return when they are done (CPU) or queued (CUDA).
+
+    Args:
+        kernel: takes `first: wp.int32` before `arguments`.
+        count: number of items; 0 does nothing.
+        arguments: the kernel's other arguments.
+        device: where to run.
+        threads: CPU threads, None for all cores; without meaning on CUDA.
+    """
+    device = wp.get_device(device)
+    if count <= 0:
+        return
+    threads = thread_count(threads) if device.is_cpu else 1
+    chunk = max(_SMALLEST_CHUNK, -(-count // (threads * _CHUNKS_PER_THREAD)))
+    if threads == 1 or chunk >= count:
+        wp.launch(kernel, count, [0, *arguments], device=device)
+        return
+
+    def run(first: int) -> None:
+        wp.launch(kernel, min(chunk, count - first), [first, *arguments], device=device)
+
+    # The module loads here and once: Warp's loader is not made for several threads. CPU launches have block size 1.
+    kernel.module.load(device, 1)
+    list(_pool(threads).map(run, range(0, count, chunk)))
+
+
+def thread_count(threads: int | None) -> int:
+    """`threads`, or the number of cores that this process may use."""
+    if threads is not None:
+        if threads < 1:
+            raise ValueError(f"threads must be 1 or more, not {threads}")
+        return threads
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="warprender")

@@ -1,0 +1,155 @@
+"""AOVs: what a pixel's centre sees, besides colour. One function each, named and cleared as in Hydra.
+
+A new AOV is a field of `OutputBuffers`, a function that writes it, and a line in `OUTPUTS`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import warp as wp
+
+from .records import Bsdf, CameraRecord, InstanceRecord, Ray, Surface
+
+
+@wp.struct
+class OutputBuffers:
+    """One array (H, W) for each output; those that are not asked for are empty."""
+
+    depth: wp.array2d(dtype=wp.float32)
+    cameraDepth: wp.array2d(dtype=wp.float32)
+    distance: wp.array2d(dtype=wp.float32)
+    normal: wp.array2d(dtype=wp.vec3)
+    Neye: wp.array2d(dtype=wp.vec3)
+    position: wp.array2d(dtype=wp.vec3)
+    Peye: wp.array2d(dtype=wp.vec3)
+    albedo: wp.array2d(dtype=wp.vec3)
+    primId: wp.array2d(dtype=wp.int32)
+    instanceId: wp.array2d(dtype=wp.int32)
+    elementId: wp.array2d(dtype=wp.int32)
+
+
+@wp.struct
+class Seen:
+    """What the centre of pixel (x, y) sees: `face` is the authored face, `orthographic` is the projection."""
+
+    x: wp.int32
+    y: wp.int32
+    camera: CameraRecord
+    ray: Ray
+    surface: Surface
+    bsdf: Bsdf
+    instance: InstanceRecord
+    face: wp.int32
+    orthographic: wp.int32
+
+
+@wp.func
+def eye_position(seen: Seen) -> wp.vec3:
+    """The hit point in the camera's frame."""
+    return wp.transpose(seen.camera.rotation) * (seen.surface.position - seen.camera.position)
+
+
+@wp.func
+def write_camera_depth(buffers: OutputBuffers, seen: Seen):
+    """Distance along -Z, in scene units."""
+    buffers.cameraDepth[seen.y, seen.x] = -eye_position(seen)[2]
+
+
+@wp.func
+def write_depth(buffers: OutputBuffers, seen: Seen):
+    """Clip-space depth, 0 at the near and 1 at the far plane (OpenGL's window depth)."""
+    z = -eye_position(seen)[2]
+    depth = (z - seen.camera.near) / (seen.camera.far - seen.camera.near)
+    if seen.orthographic == 0:
+        depth = depth * seen.camera.far / z
+    buffers.depth[seen.y, seen.x] = wp.clamp(depth, 0.0, 1.0)
+
+
+@wp.func
+def write_distance(buffers: OutputBuffers, seen: Seen):
+    """Distance from the camera, or from its plane when orthographic, in scene units."""
+    eye = eye_position(seen)
+    distance = wp.length(eye)
+    if seen.orthographic != 0:
+        distance = -eye[2]
+    buffers.distance[seen.y, seen.x] = distance
+
+
+@wp.func
+def write_normal(buffers: OutputBuffers, seen: Seen):
+    """Unit shading normal in the world, on the viewer's side."""
+    buffers.normal[seen.y, seen.x] = seen.surface.normal
+
+
+@wp.func
+def write_eye_normal(buffers: OutputBuffers, seen: Seen):
+    """Unit shading normal in the camera's frame."""
+    buffers.Neye[seen.y, seen.x] = wp.transpose(seen.camera.rotation) * seen.surface.normal
+
+
+@wp.func
+def write_position(buffers: OutputBuffers, seen: Seen):
+    """The hit point in the world."""
+    buffers.position[seen.y, seen.x] = seen.surface.position + seen.camera.origin
+
+
+@wp.func
+def write_eye_position(buffers: OutputBuffers, seen: Seen):
+    """The hit point in the camera's frame."""
+    buffers.Peye[seen.y, seen.x] = eye_position(seen)
+
+
+@wp.func
+def write_albedo(buffers: OutputBuffers, seen: Seen):
+    """Diffuse colour plus reflectance at normal incidence."""
+    buffers.albedo[seen.y, seen.x] = seen.bsdf.diffuse + seen.bsdf.f0
+
+
+@wp.func
+def write_prim_id(buffers: OutputBuffers, seen: Seen):
+    """Number of the prim in drawing order."""
+    buffers.primId[seen.y, seen.x] = seen.instance.prim
+
+
+@wp.func
+def write_instance_id(buffers: OutputBuffers, seen: Seen):
+    """Index of the instance in its instancer."""
+    buffers.instanceId[seen.y, seen.x] = seen.instance.instance_id
+
+
+@wp.func
+def write_element_id(buffers: OutputBuffers, seen: Seen):
+    """The authored face."""
+    buffers.elementId[seen.y, seen.x] = seen.face
+
+
+@dataclass(frozen=True)
+class Output:
+    """One AOV.
+
+    Attributes:
+        dtype: Warp type of a pixel.
+        clear: what pixels hold where nothing is seen.
+        write: `write(buffers, seen)`.
+    """
+
+    dtype: type
+    clear: float | int
+    write: wp.Function
+
+
+#: AOVs by name. Clear values as in usdImaging and hdEmbree.
+OUTPUTS: dict[str, Output] = {
+    "depth": Output(wp.float32, 1.0, write_depth),
+    "cameraDepth": Output(wp.float32, 0.0, write_camera_depth),
+    "distance": Output(wp.float32, 0.0, write_distance),
+    "normal": Output(wp.vec3, -1.0, write_normal),
+    "Neye": Output(wp.vec3, -1.0, write_eye_normal),
+    "position": Output(wp.vec3, 0.0, write_position),
+    "Peye": Output(wp.vec3, 0.0, write_eye_position),
+    "albedo": Output(wp.vec3, 0.0, write_albedo),
+    "primId": Output(wp.int32, -1, write_prim_id),
+    "instanceId": Output(wp.int32, -1, write_instance_id),
+    "elementId": Output(wp.int32, -1, write_element_id),
+}

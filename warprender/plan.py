@@ -1,0 +1,253 @@
+"""The plan: which effects a request on a scene calls for, which prim called for each, and what follows from it.
+
+A kernel is compiled for its key, a frozen value of names; what is not named is not in the generated code. Counts,
+sizes and colours are runtime values and never in a key.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from .camera import Camera
+from .lights import CameraLight, Light
+from .materials import MATERIALS
+from .outputs import OUTPUTS
+from .scene import Placement, Scene, SceneError
+
+TRANSPORTS = ("none", "path")
+VISIBILITIES = ("rays",)
+
+#: Share of the emitted light that may be lost to the end of paths when no number of bounces is given.
+BOUNCE_TOLERANCE = 1e-4
+#: Paths never reflect more often than this.
+MOST_BOUNCES = 256
+
+
+@dataclass(frozen=True)
+class PathKey:
+    """What the path-tracing kernel is compiled for."""
+
+    shapes: tuple[str, ...]
+    materials: tuple[str, ...]
+    lights: tuple[str, ...]
+    camera: tuple[str, ...]
+    sampled_lights: bool
+    straight_through: bool
+
+
+@dataclass(frozen=True)
+class OutputsKey:
+    """What the AOV kernel is compiled for."""
+
+    shapes: tuple[str, ...]
+    materials: tuple[str, ...]
+    camera: tuple[str, ...]
+    outputs: tuple[str, ...]
+    straight_through: bool
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a scene; see `Renderer` for the meanings."""
+
+    outputs: tuple[str, ...] = ("color",)
+    visibility: str = "auto"
+    transport: str = "auto"
+    bounces: int | None = None
+    dome_light_visible: bool = False
+    lights_visible: bool = False
+
+
+@dataclass
+class RenderPlan:
+    """The answer of `analyse`.
+
+    Attributes:
+        transport: "none" or "path".
+        visibility: "rays".
+        path: key of the path-tracing kernel, None when no colour is asked for.
+        outputs: key of the AOV kernel, None when no AOV is asked for.
+        reasons: effect to the prim or flag that called for it.
+        absent: effect to what would call for it.
+        bounds: name to number: `bounces` followed, and `albedo` and `unfollowed` that it comes from.
+    """
+
+    transport: str
+    visibility: str
+    path: PathKey | None
+    outputs: OutputsKey | None
+    reasons: dict[str, str] = field(default_factory=dict)
+    absent: dict[str, str] = field(default_factory=dict)
+    bounds: dict[str, float] = field(default_factory=dict)
+
+    def explain(self) -> str:
+        """A few lines for people: what runs, why, and what would call for the rest."""
+        lines = [f"transport   {self.transport}", f"visibility  {self.visibility}", "", "in this picture"]
+        width = max((len(name) for name in (*self.reasons, *self.absent)), default=0)
+        lines += [f"  {name:{width}}  {reason}" for name, reason in self.reasons.items()]
+        lines += ["", "left out, with what would call for it"]
+        lines += [f"  {name:{width}}  {reason}" for name, reason in self.absent.items()]
+        lines += ["", "bounds"] + [f"  {name:{width}}  {value:g}" for name, value in self.bounds.items()]
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict:
+        """The same as plain values, for JSON."""
+        return asdict(self)
+
+
+def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool = False) -> RenderPlan:
+    """Scan the scene once for what the request needs of it.
+
+    Args:
+        scene: what to draw.
+        camera: from where.
+        request: what is asked for.
+        camera_light: whether a light at the camera is added.
+
+    Raises:
+        SceneError: an output, transport or visibility that does not exist.
+    """
+    _check(request)
+    transport = request.transport
+    if transport == "auto":
+        transport = "path" if "color" in request.outputs else "none"
+    plan = RenderPlan(transport, "rays", None, None)
+    shapes = _effects(plan, "shape", {"Mesh", "Sphere"}, _shape_callers(scene), "a prim of this kind")
+    materials = _effects(
+        plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
+    )
+    passing = _straight_through(scene)
+    _note(plan, "straight through", passing, "an opacity below 1")
+    effects = camera.effects()
+    _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
+    aovs = tuple(sorted(set(request.outputs) - {"color"}))
+    for name in request.outputs:
+        plan.reasons[f"output {name}"] = "asked for"
+    if aovs:
+        plan.outputs = OutputsKey(shapes, materials, effects[:1], aovs, bool(passing))
+    if transport == "path" and "color" in request.outputs:
+        lights = lit(scene, camera_light)
+        kinds = _effects(plan, "light", _light_kinds(), _light_callers(lights), "a light of this kind")
+        sampled = any(light.power(1.0) > 0 for light in lights.values())
+        why = "lights that can be aimed at" if sampled else ""
+        _note(plan, "shadow rays", why, "a light other than a dome")
+        plan.path = PathKey(shapes, materials, kinds, effects, sampled, bool(passing))
+        _bound_bounces(plan, scene, request)
+    return plan
+
+
+def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
+    """The lights that emit, by path, with the camera light last when it is on."""
+    lights = {path: light for path, light in scene.lights.items() if light.radiance().any()}
+    if camera_light:
+        lights["camera light"] = CameraLight()
+    return lights
+
+
+def check_outputs(names: tuple[str, ...]) -> None:
+    """Raise a SceneError at the first name that is no output."""
+    for name in names:
+        if name not in OUTPUTS and name != "color":
+            raise SceneError(f"output {name!r} is not one of color, {', '.join(OUTPUTS)}")
+
+
+def _check(request: Request) -> None:
+    check_outputs(request.outputs)
+    if request.transport not in (*TRANSPORTS, "auto"):
+        raise SceneError(f"transport {request.transport!r} is not one of auto, {', '.join(TRANSPORTS)}")
+    if request.visibility not in (*VISIBILITIES, "auto"):
+        raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
+    if request.bounces is not None and request.bounces < 0:
+        raise SceneError(f"bounces must be 0 or more, not {request.bounces}")
+
+
+def _note(plan: RenderPlan, effect: str, reason: str, caller: str) -> None:
+    if reason:
+        plan.reasons[effect] = reason
+    else:
+        plan.absent[effect] = caller
+
+
+def _effects(plan: RenderPlan, family: str, kinds: set[str], callers: dict[str, str], caller: str) -> tuple[str, ...]:
+    """Note each kind of a family with the first prim that calls for it; the names that occur, sorted."""
+    for kind in sorted(kinds):
+        _note(plan, f"{family} {kind}", callers.get(kind, ""), caller)
+    return tuple(sorted(callers))
+
+
+def _first(callers: dict[str, str], kind: str, path: str) -> None:
+    callers.setdefault(kind, path)
+
+
+def _shape_callers(scene: Scene) -> dict[str, str]:
+    callers: dict[str, str] = {}
+    for path, placement in scene.placements.items():
+        _first(callers, type(placement.shape).__name__, path)
+    return callers
+
+
+def materials_of(placement: Placement) -> list[str]:
+    """Keys of the materials that a placement shows: its own, and those of its shape's faces."""
+    return [placement.material, *getattr(placement.shape, "face_materials", {})]
+
+
+def _material_callers(scene: Scene) -> dict[str, str]:
+    callers: dict[str, str] = {}
+    for path, placement in scene.placements.items():
+        for key in materials_of(placement):
+            _first(callers, type(scene.materials[key]).__name__, path)
+    return callers
+
+
+def _light_kinds() -> set[str]:
+    from .lights import LIGHTS
+
+    return {kind.__name__ for kind in LIGHTS}
+
+
+def _light_callers(lights: dict[str, Light]) -> dict[str, str]:
+    callers: dict[str, str] = {}
+    for path, light in lights.items():
+        _first(callers, type(light).__name__, path)
+    return callers
+
+
+def _straight_through(scene: Scene) -> str:
+    """The first prim that lets rays straight through, or ""."""
+    for path, placement in scene.placements.items():
+        for key in materials_of(placement):
+            if scene.materials[key].passes_light():
+                return path
+            opacity = placement.shape.primvars.get("displayOpacity") if key == "" else None
+            if opacity is not None and (opacity.values < 1.0).any():
+                return path
+    return ""
+
+
+def _largest_albedo(scene: Scene) -> float:
+    albedo = 0.0
+    for placement in scene.placements.values():
+        for key in materials_of(placement):
+            albedo = max(albedo, scene.materials[key].largest_albedo())
+            colors = placement.shape.primvars.get("displayColor") if key == "" else None
+            if colors is not None and len(colors.values):
+                albedo = max(albedo, float(np.nanmax(colors.values)))
+    return min(albedo, 1.0)
+
+
+def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
+    """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted."""
+    albedo = _largest_albedo(scene)
+    bounces = request.bounces
+    if bounces is None:
+        bounces = MOST_BOUNCES
+        if albedo <= 0.0:
+            bounces = 0
+        elif albedo < 1.0:
+            needed = math.log(BOUNCE_TOLERANCE * (1.0 - albedo)) / math.log(albedo) - 1.0
+            bounces = int(min(MOST_BOUNCES, max(0, math.ceil(needed))))
+    unfollowed = albedo ** (bounces + 1) / (1.0 - albedo) if albedo < 1.0 else math.inf
+    plan.bounds = {"albedo": albedo, "bounces": bounces, "unfollowed": unfollowed}

@@ -1,0 +1,53 @@
+"""The receipt that every picture carries: what rendering it again needs."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from .plan import RenderPlan, Request
+from .scene import Scene
+
+_PACKAGES = ("warprender", "warp-lang", "numpy", "usd-core", "OpenImageIO")
+
+
+def make_receipt(
+    scene: Scene,
+    plan: RenderPlan,
+    request: Request,
+    resolution: tuple[int, int],
+    samples: int,
+    seed: int,
+    device: str,
+) -> dict:
+    """Plain values, ready for JSON. Bits are promised per machine, so the machine is named."""
+    return {
+        "stage": scene.source,
+        "stageHash": stage_hash(scene.source),
+        "resolution": list(resolution),
+        "samples": samples,
+        "seed": seed,
+        "request": asdict(request),
+        "plan": plan.as_dict(),
+        "device": device,
+        "machine": platform.machine(),
+        "versions": {name: _version(name) for name in _PACKAGES},
+    }
+
+
+def stage_hash(source: str) -> str:
+    """SHA-256 of the stage's root file, "" for a scene that was built in Python."""
+    path = Path(source)
+    if not source or not path.is_file():
+        return ""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""

@@ -1,0 +1,217 @@
+"""The structs that cross kernels. Lengths are scene units, positions are relative to the scene's origin.
+
+Arrays inside arrays of structs are not kept alive by Warp: the Python owner of a `DeviceScene` holds every one.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+#: Number of inputs that a material row has room for.
+MATERIAL_INPUTS = 16
+
+MaterialValues = wp.types.matrix(shape=(MATERIAL_INPUTS, 3), dtype=wp.float32)
+
+
+@wp.struct
+class Ray:
+    """Points origin + t direction with 0 ≤ t < t_max; t counts in lengths of the direction."""
+
+    origin: wp.vec3
+    direction: wp.vec3
+    t_max: wp.float32
+
+
+@wp.struct
+class Hit:
+    """What a ray or a pixel sees first; a miss has t = inf and ids -1. u weights vertex 1, v vertex 2."""
+
+    t: wp.float32
+    instance: wp.int32
+    face: wp.int32
+    u: wp.float32
+    v: wp.float32
+
+
+@wp.struct
+class Surface:
+    """A hit point with all that shading needs; both normals are on the side of `outgoing`.
+
+    `error` bounds |position - exact| per axis; `front` says whether the authored normal faces the viewer.
+    """
+
+    position: wp.vec3
+    error: wp.vec3
+    geometric_normal: wp.vec3
+    normal: wp.vec3
+    outgoing: wp.vec3
+    front: wp.int32
+    hit: Hit
+    geometry: wp.int32
+    material: wp.int32
+
+
+@wp.struct
+class Bsdf:
+    """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills."""
+
+    kind: wp.int32
+    emission: wp.vec3
+    diffuse: wp.vec3
+    f0: wp.vec3
+    f90: wp.vec3
+    alpha: wp.float32
+    coat: wp.float32
+    coat_f0: wp.float32
+    coat_alpha: wp.float32
+    pass_through: wp.float32
+
+
+@wp.struct
+class BsdfValue:
+    """f · |cos θ| for a pair of directions, split as UsdLux's `diffuse` and `specular` need it, and the pdf."""
+
+    diffuse: wp.vec3
+    specular: wp.vec3
+    pdf: wp.float32
+
+
+@wp.struct
+class BsdfSample:
+    """A sampled direction in the shading frame and f · |cos θ| / pdf; pdf 0 marks a delta lobe.
+
+    `event` is one of the EVENT constants.
+    """
+
+    direction: wp.vec3
+    diffuse: wp.vec3
+    specular: wp.vec3
+    pdf: wp.float32
+    event: wp.int32
+
+
+EVENT_ABSORB = wp.constant(wp.int32(0))
+EVENT_SCATTER = wp.constant(wp.int32(1))
+EVENT_DELTA = wp.constant(wp.int32(2))
+EVENT_PASS = wp.constant(wp.int32(3))
+
+
+@wp.struct
+class LightSample:
+    """A direction towards a light, the distance to it (inf for lights at infinity), its radiance and the pdf.
+
+    pdf is per solid angle; 0 means no light there. `delta` is 1 for lights that no ray can meet.
+    """
+
+    direction: wp.vec3
+    distance: wp.float32
+    radiance: wp.vec3
+    pdf: wp.float32
+    delta: wp.int32
+
+
+@wp.struct
+class MaterialRecord:
+    """One material: its kind, and values by the input numbers that the kind's file names."""
+
+    kind: wp.int32
+    values: MaterialValues
+
+
+@wp.struct
+class LightRecord:
+    """One light. `linear` has the world vectors of the local axes as columns; `size` is the kind's own.
+
+    `determinant` is |det linear|; `choice` is the probability that next-event estimation picks this light.
+    """
+
+    kind: wp.int32
+    radiance: wp.vec3
+    position: wp.vec3
+    linear: wp.mat33
+    inverse: wp.mat33
+    determinant: wp.float32
+    size: wp.vec3
+    diffuse: wp.float32
+    specular: wp.float32
+    choice: wp.float32
+
+
+@wp.struct
+class PrimvarRecord:
+    """A primvar: `width` floats a value; `interpolation` indexes INTERPOLATIONS, -1 where the shape has none.
+
+    `indices` has three entries a triangle for faceVarying values.
+    """
+
+    interpolation: wp.int32
+    width: wp.int32
+    values: wp.array(dtype=wp.float32)
+    indices: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class GeometryRecord:
+    """A shape in object space, stored once. `kind` indexes SHAPES; `mesh` is a `wp.Mesh` id."""
+
+    kind: wp.int32
+    mesh: wp.uint64
+    points: wp.array(dtype=wp.vec3)
+    indices: wp.array(dtype=wp.int32)
+    faces: wp.array(dtype=wp.int32)
+    face_material: wp.array(dtype=wp.int32)
+    normals: PrimvarRecord
+    radius: wp.float32
+
+
+@wp.struct
+class InstanceRecord:
+    """A placed shape: world = linear object + translation. `material` -1 asks the geometry's `face_material`."""
+
+    geometry: wp.int32
+    material: wp.int32
+    prim: wp.int32
+    instance_id: wp.int32
+    linear: wp.mat33
+    inverse: wp.mat33
+    translation: wp.vec3
+
+
+@wp.struct
+class DeviceScene:
+    """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
+
+    `albedo` is `materials.albedo.albedo_table`.
+    """
+
+    instances: wp.array(dtype=InstanceRecord)
+    geometries: wp.array(dtype=GeometryRecord)
+    tree: wp.uint64
+    materials: wp.array(dtype=MaterialRecord)
+    albedo: wp.array2d(dtype=wp.vec3)
+    primvars: wp.array(dtype=PrimvarRecord)
+    primvar_count: wp.int32
+    display_color: wp.int32
+    display_opacity: wp.int32
+    lights: wp.array(dtype=LightRecord)
+    light_count: wp.int32
+    light_cdf: wp.array(dtype=wp.float32)
+
+
+@wp.struct
+class CameraRecord:
+    """A camera: `rotation` has right, up and backward as columns; the window is at distance 1 (or in scene units).
+
+    `window` is left, bottom, right, top. `near` and `far` are along -Z.
+    """
+
+    position: wp.vec3
+    rotation: wp.mat33
+    window: wp.vec4
+    width: wp.int32
+    height: wp.int32
+    near: wp.float32
+    far: wp.float32
+    lens_radius: wp.float32
+    focus_distance: wp.float32
+    origin: wp.vec3

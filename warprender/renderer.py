@@ -1,0 +1,230 @@
+"""`Renderer`: a scene, a camera and a request, kept ready on a device and rendered as often as needed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import warp as wp
+
+from .camera import Camera
+from .film import Film
+from .frame import Frame
+from .framing import choose_camera, choose_resolution
+from .integrators.none import launch_outputs
+from .integrators.path import PathRequest, launch_path
+from .launch import thread_count
+from .lights.dispatch import kind_of
+from .outputs import OUTPUTS, OutputBuffers
+from .plan import RenderPlan, Request, analyse, lit
+from .receipt import make_receipt
+from .scene import Scene, SceneError
+from .upload import Upload, camera_light_at
+
+#: Samples a pixel when neither samples, error nor seconds is asked for.
+DEFAULT_SAMPLES = 64
+#: A pass is short enough to report progress and to stop in time.
+_PASS_SECONDS = 0.25
+
+Progress = Callable[[float, Callable[[], Frame]], None]
+
+
+class Renderer:
+    """Renders one scene from one camera.
+
+    Args:
+        scene: what to draw.
+        camera: a `Camera`, a camera's prim path or name, or None for usdrecord's choice.
+        resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
+        outputs: "color" and AOV names of `outputs.OUTPUTS`.
+        visibility: "auto" or "rays".
+        transport: "auto", "none" or "path".
+        device: "cpu" or a CUDA device.
+        threads: CPU threads, None for all cores. The picture does not depend on it.
+        bounces: reflections followed after the one at the camera's hit, None for as many as matter.
+        camera_light: "auto" adds a light at the camera when the scene has no light; "on", "off".
+        dome_light_visible: whether the camera sees the domes.
+        lights_visible: whether the camera sees all lights.
+        filter: reconstruction filter, "box", "triangle" or "gaussian".
+
+    Raises:
+        SceneError: the request cannot be met; the message names the prim or the argument.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera | str | None = None,
+        resolution: tuple[int, int] | None = None,
+        outputs: Sequence[str] = ("color",),
+        visibility: str = "auto",
+        transport: str = "auto",
+        device: str = "cpu",
+        threads: int | None = None,
+        bounces: int | None = None,
+        camera_light: str = "auto",
+        dome_light_visible: bool = False,
+        lights_visible: bool = False,
+        filter: str = "box",
+    ) -> None:
+        """Plan, compile and upload."""
+        start = time.perf_counter()
+        self.scene, self.device, self.threads = scene, device, thread_count(threads)
+        self.camera = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
+        if fault := self.camera.fault():
+            raise SceneError(f"camera: {fault}")
+        self.resolution = resolution or choose_resolution(scene, self.camera)
+        if min(self.resolution) < 1:
+            raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
+        self.request = Request(tuple(outputs), visibility, transport, bounces, dome_light_visible, lights_visible)
+        with_camera_light = use_camera_light(scene, camera_light)
+        self.plan: RenderPlan = analyse(scene, self.camera, self.request, with_camera_light)
+
+        lights = lit(scene, with_camera_light)
+        if with_camera_light:
+            camera_light_at(lights["camera light"], self.camera.transform)
+        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device)
+        for warning in self._upload.warnings:
+            scene.warn(warning)
+        settings = scene.settings
+        self._camera_record = self.camera.record(
+            *self.resolution,
+            self._upload.origin,
+            settings.pixelAspectRatio,
+            settings.aspectRatioConformPolicy,
+        )
+        self._film = Film(*self.resolution, device, filter)
+        self._seconds = {"prepare": time.perf_counter() - start}
+
+    def render(
+        self,
+        samples: int | None = None,
+        error: float | None = None,
+        seconds: float | None = None,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> Frame:
+        """Render a frame; it stops at whichever of the three limits comes first.
+
+        Args:
+            samples: a pixel; 64 when no limit is given.
+            error: relative RMS standard error of the frame over lit pixels.
+            seconds: wall-clock time for colour samples; at least one sample is taken.
+            seed: another seed gives an independent picture.
+            progress: called with the share done and a function that returns the frame so far.
+
+        Raises:
+            SceneError: a limit is not above 0.
+        """
+        _check_limits(samples, error, seconds)
+        start = time.perf_counter()
+        values = self._render_outputs()
+        self._seconds["outputs"] = time.perf_counter() - start
+        taken, interrupted = 0, False
+        if self.plan.path is not None:
+            start = time.perf_counter()
+            taken, interrupted = self._sample(samples, error, seconds, seed, progress, values)
+            self._seconds["sample"] = time.perf_counter() - start
+        return self._frame(values, taken, seed, interrupted)
+
+    def _render_outputs(self) -> dict[str, wp.array]:
+        if self.plan.outputs is None:
+            return {}
+        width, height = self.resolution
+        buffers, values = OutputBuffers(), {}
+        for name in self.plan.outputs.outputs:
+            output = OUTPUTS[name]
+            values[name] = wp.full((height, width), output.dtype(output.clear), output.dtype, device=self.device)
+            setattr(buffers, name, values[name])
+        launch_outputs(self.plan.outputs, self._upload.record, self._camera_record, buffers, self.device, self.threads)
+        return values
+
+    def _sample(
+        self,
+        samples: int | None,
+        error: float | None,
+        seconds: float | None,
+        seed: int,
+        progress: Progress | None,
+        values: dict[str, wp.array],
+    ) -> tuple[int, bool]:
+        """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
+        self._film.clear()
+        request = self._path_request(seed)
+        limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
+        taken, batch, start = 0, 1, time.perf_counter()
+        try:
+            while taken < limit:
+                batch = min(batch, limit - taken)
+                self._pass(request, taken, batch)
+                taken += batch
+                elapsed = time.perf_counter() - start
+                if seconds is not None and elapsed >= seconds:
+                    break
+                # Two numbers say nothing of a spread: the error is trusted from 16 samples on.
+                if error is not None and taken >= 16 and self._film.relative_error() <= error:
+                    break
+                per_sample = elapsed / taken
+                horizon = _PASS_SECONDS if seconds is None else min(_PASS_SECONDS, seconds - elapsed)
+                batch = max(1, min(2 * batch, int(horizon / per_sample)))
+                if progress is not None:
+                    share = max(taken / limit, elapsed / seconds if seconds else 0.0)
+                    progress(share, lambda n=taken: self._frame(values, n, seed, True))
+        except KeyboardInterrupt:
+            return taken, True
+        return taken, False
+
+    def _path_request(self, seed: int) -> PathRequest:
+        request = PathRequest()
+        request.seed = seed & 0xFFFFFFFF
+        request.bounces = int(self.plan.bounds["bounces"])
+        request.lights_visible = int(self.request.lights_visible)
+        request.dome_light_visible = int(self.request.dome_light_visible or self.request.lights_visible)
+        request.dome_kind = kind_of("DomeLight")
+        return request
+
+    def _pass(self, request: PathRequest, first_sample: int, samples: int) -> None:
+        request.first_sample, request.samples = first_sample, samples
+        scene, camera, film = self._upload.record, self._camera_record, self._film.record
+        launch_path(self.plan.path, scene, camera, request, film, self.device, self.threads)
+        wp.synchronize_device(self.device)
+
+    def _frame(self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool) -> Frame:
+        outputs = dict(values)
+        stats = {"seconds": dict(self._seconds), "samples": samples, "interrupted": interrupted}
+        if self.plan.path is not None:
+            outputs["color"] = self._film.color(self.camera.exposureScale, self.threads)
+            stats["rays"] = self._film.ray_counts()
+            stats["error"] = self._film.relative_error()
+            stats["dropped samples"] = self._film.dropped_samples()
+        stats["plan"] = self.plan.as_dict()
+        stats["warnings"] = list(self.scene.warnings)
+        ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
+        receipt = make_receipt(self.scene, self.plan, self.request, self.resolution, samples, seed, self.device)
+        return Frame(ordered, stats, receipt)
+
+
+def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int | None = None, **options) -> Frame:
+    """Render one frame: `Renderer(scene, resolution=resolution, …).render(samples=samples, …)`.
+
+    Args:
+        scene: what to draw.
+        resolution: (width, height) in pixels.
+        samples: a pixel.
+        **options: any other argument of `Renderer` or of `Renderer.render`.
+    """
+    of_render = {k: options.pop(k) for k in ("error", "seconds", "seed", "progress") if k in options}
+    return Renderer(scene, resolution=resolution, **options).render(samples=samples, **of_render)
+
+
+def use_camera_light(scene: Scene, mode: str) -> bool:
+    """Whether a light is added at the camera; "auto" adds one to a scene without lights."""
+    if mode not in ("auto", "on", "off"):
+        raise SceneError(f"camera light {mode!r} is not one of auto, on, off")
+    return mode == "on" or (mode == "auto" and not scene.lights)
+
+
+def _check_limits(samples: int | None, error: float | None, seconds: float | None) -> None:
+    for name, value in (("samples", samples), ("error", error), ("seconds", seconds)):
+        if value is not None and not value > 0:
+            raise SceneError(f"{name} must be above 0, not {value}")

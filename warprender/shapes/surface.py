@@ -1,0 +1,80 @@
+"""From a hit to the surface that shading sees: position with its error, and normals, in the world."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import warp as wp
+
+from ..numerics import is_finite, safe_normalize, transformed_point_error
+from ..records import DeviceScene, Hit, InstanceRecord, Ray, Surface
+from .local_surface import LocalSurface
+from .mesh import mesh_surface
+from .sphere import sphere_surface
+
+#: A shading normal is bent until it is at least this much turned to the viewer (its cosine).
+_SMALLEST_COSINE = wp.constant(wp.float32(0.01))
+
+
+@wp.func
+def object_origin(instance: InstanceRecord, p: wp.vec3) -> wp.vec3:
+    """World point in object space: subtracted before it is turned, so that distance from the origin cancels."""
+    return instance.inverse * (p - instance.translation)
+
+
+@wp.func
+def face_viewer(normal: wp.vec3, geometric: wp.vec3, outgoing: wp.vec3) -> wp.vec3:
+    """Shading normal on the side of the geometric one; the geometric one where it is degenerate."""
+    n = safe_normalize(normal)
+    if not is_finite(n) or wp.dot(n, n) == 0.0:
+        return geometric
+    if wp.dot(n, geometric) < 0.0:
+        n = -n
+    cosine = wp.dot(n, outgoing)
+    if cosine < _SMALLEST_COSINE:
+        n = wp.normalize(n + outgoing * (_SMALLEST_COSINE - cosine))
+    return n
+
+
+@wp.func
+def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surface:
+    """The local surface in the world; normals by the cotangent (inverse transposed) transform."""
+    instance = scene.instances[hit.instance]
+    surface = Surface()
+    surface.hit = hit
+    surface.geometry = instance.geometry
+    surface.position = instance.linear * local.position + instance.translation
+    surface.error = transformed_point_error(instance.linear, instance.translation, local.position, local.error)
+    surface.outgoing = -safe_normalize(ray.direction)
+    cotangent = wp.transpose(instance.inverse)
+    n = safe_normalize(cotangent * local.geometric_normal)
+    shading = cotangent * local.normal
+    surface.front = 1
+    if wp.dot(n, surface.outgoing) < 0.0:
+        n = -n
+        shading = -shading
+        surface.front = 0
+    surface.geometric_normal = n
+    surface.normal = face_viewer(shading, n, surface.outgoing)
+    surface.material = instance.material
+    if instance.material < 0:
+        surface.material = scene.geometries[instance.geometry].face_material[local.face]
+    return surface
+
+
+@cache
+def surface_function(shapes: tuple[str, ...]) -> wp.Function:
+    """`surface_at(scene, ray, hit)` for hits on these kinds of shapes, by class name."""
+    with_spheres = "Sphere" in shapes
+
+    @wp.func
+    def surface_at(scene: DeviceScene, ray: Ray, hit: Hit) -> Surface:
+        geometry = scene.geometries[scene.instances[hit.instance].geometry]
+        if wp.static(with_spheres):
+            if geometry.kind == 1:
+                instance = scene.instances[hit.instance]
+                origin = object_origin(instance, ray.origin)
+                return place(scene, ray, hit, sphere_surface(geometry, hit, origin, instance.inverse * ray.direction))
+        return place(scene, ray, hit, mesh_surface(geometry, hit))
+
+    return surface_at
