@@ -96,9 +96,7 @@ def test_a_cube_with_sharp_edges_stays_a_cube_with_its_normals():
     a, b, c = np.moveaxis(mesh.points[mesh.triangles].astype(float), 1, 0)
     flat = np.cross(b - a, c - a)
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
-    np.testing.assert_allclose(
-        mesh.normals.expanded()[mesh.corners], np.repeat(flat[:, None], 3, 1), atol=1e-6
-    )
+    np.testing.assert_allclose(mesh.normals.expanded()[mesh.corners], np.repeat(flat[:, None], 3, 1), atol=1e-6)
 
 
 def test_sharpness_one_is_one_sharp_level_and_a_half_is_the_mean():
@@ -189,9 +187,7 @@ def test_a_face_varying_seam_keeps_its_sides_apart():
 
 
 def test_non_manifold_cages_do_not_fail():
-    points = np.array(
-        [(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, 0), (-1, 0, 0), (-1, 1, 0), (0, 0, 1), (0, 1, 1)]
-    )
+    points = np.array([(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, 0), (-1, 0, 0), (-1, 1, 0), (0, 0, 1), (0, 1, 1)])
     faces = np.array([(0, 2, 3, 1), (0, 1, 5, 4), (0, 1, 7, 6), (0, 2, 3, 1), (6, 6, 6, 6)])
     mesh = Subdivision(Cage(8, np.full(5, 4), faces.reshape(-1)), 2).mesh(points.astype(float))
     assert np.isfinite(mesh.points).all() and np.isfinite(mesh.normals.values).all()

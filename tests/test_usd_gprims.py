@@ -80,9 +80,7 @@ def test_plane_lies_across_its_axis_and_faces_along_it(axis, extent):
 
 
 def test_equal_prims_share_a_shape_and_coloured_ones_do_not():
-    scene = scene_of(
-        'def Cube "a" { } def Cube "b" { } def Cube "c" { color3f[] primvars:displayColor = [(1, 0, 0)] }'
-    )
+    scene = scene_of('def Cube "a" { } def Cube "b" { } def Cube "c" { color3f[] primvars:displayColor = [(1, 0, 0)] }')
     a, b, c = (p.shape for p in scene.placements.values())
     assert a is b and a is not c and c.primvars["displayColor"].values.tolist() == [[1, 0, 0]]
 
@@ -90,8 +88,6 @@ def test_equal_prims_share_a_shape_and_coloured_ones_do_not():
 @pytest.mark.parametrize("kind", SHAPES)
 def test_senseless_sizes_are_named_and_not_drawn(kind):
     name = {"Cube": "size", "Plane": "width"}.get(kind, "height")
-    scene = scene_of(
-        f'def {kind} "bad" {{ double {name} = nan }} def {kind} "negative" {{ double {name} = -1 }}'
-    )
+    scene = scene_of(f'def {kind} "bad" {{ double {name} = nan }} def {kind} "negative" {{ double {name} = -1 }}')
     assert not scene.placements
     assert [line.split(":")[0] for line in scene.warnings] == ["/bad", "/negative"]

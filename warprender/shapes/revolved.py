@@ -82,9 +82,7 @@ def _turn(vectors: np.ndarray, radii: np.ndarray) -> np.ndarray:
     """(P, 2) → (P · SEGMENTS, 3). On the axis the angle is the middle of the triangle that ends there."""
     angle = 2 * np.pi * (np.arange(SEGMENTS) + np.where(radii == 0, 0.5, 0.0)[:, None]) / SEGMENTS
     height = np.broadcast_to(vectors[:, 1:], angle.shape)
-    return np.stack([vectors[:, :1] * np.cos(angle), vectors[:, :1] * np.sin(angle), height], 2).reshape(
-        -1, 3
-    )
+    return np.stack([vectors[:, :1] * np.cos(angle), vectors[:, :1] * np.sin(angle), height], 2).reshape(-1, 3)
 
 
 def _strip(radii: np.ndarray) -> np.ndarray:

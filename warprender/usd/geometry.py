@@ -20,7 +20,7 @@ SMOOTH_SCHEMES = ("catmullClark", "loop")
 def read_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
     """A mesh prim, or None where there is nothing to draw."""
     schema = UsdGeom.Mesh(prim)
-    points = _read_points(reading, schema)
+    points = read_points(reading, schema)
     if points is None:
         return None
     topology = read_topology(reading, schema, points)
@@ -62,7 +62,7 @@ def _read_cage(
     return mesh
 
 
-def _read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray | None:
+def read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray | None:
     """(N, 3) float32; None, with a remark, where the attribute holds something that is no list of points."""
     value = reading.get(schema.GetPointsAttr())
     points = np.asarray(value) if value is not None else np.zeros((0, 3))

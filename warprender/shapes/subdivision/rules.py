@@ -65,9 +65,7 @@ class Rules:
         level, values, weights = self.topology, parts[0], self.vertex[:, :, None]
         result = weights[:, 0] * values
         if self.vertex[:, 1].any():
-            result += weights[:, 1] * sums(
-                level.corner_vertex, values[level.corner_vertex[level.next]], level.vertices
-            )
+            result += weights[:, 1] * sums(level.corner_vertex, values[level.corner_vertex[level.next]], level.vertices)
         if self.has_faces and self.vertex[:, 2].any():
             result += weights[:, 2] * sums(level.corner_vertex, parts[2][level.corner_face], level.vertices)
         if len(self.creases):

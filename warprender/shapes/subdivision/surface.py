@@ -85,9 +85,7 @@ class Subdivision:
         topology, source = face_varying_topology(self.cage, self._levels[0], indices)
         levels = self._refined(topology)
         linear = self.cage.faceVaryingLinearInterpolation == "all" or self._limit is None
-        rules = [
-            linear_rules(t, self._quads) if linear else self._rules_of(t, t is topology) for t in levels[:-1]
-        ]
+        rules = [linear_rules(t, self._quads) if linear else self._rules_of(t, t is topology) for t in levels[:-1]]
         values = _apply(rules, primvar.values[source])
         return Primvar(values, "faceVarying", levels[-1].corner_vertex)
 

@@ -52,9 +52,7 @@ class Topology:
         start, end = indices, indices[following]
         low, high = np.minimum(start, end), np.maximum(start, end)
         keys, corner_edge, uses = np.unique(low * vertices + high, return_inverse=True, return_counts=True)
-        edge_vertices = (
-            np.stack([keys // vertices, keys % vertices], 1) if vertices else np.zeros((0, 2), int)
-        )
+        edge_vertices = np.stack([keys // vertices, keys % vertices], 1) if vertices else np.zeros((0, 2), int)
         twin = _twins(corner_edge, uses, start)
         edge_sharpness = np.zeros(len(keys))
         edge_sharpness[corner_edge[twin < 0]] = INFINITE
