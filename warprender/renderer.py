@@ -10,7 +10,7 @@ import warp as wp
 from .camera import Camera
 from .film import Film
 from .frame import Frame
-from .framing import choose_camera
+from .framing import choose_camera, choose_resolution
 from .integrators.none import launch_outputs
 from .integrators.path import PathRequest, launch_path
 from .launch import thread_count
@@ -73,7 +73,7 @@ class Renderer:
         self.camera = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
         if fault := self.camera.fault():
             raise SceneError(f"camera: {fault}")
-        self.resolution = resolution or default_resolution(scene, self.camera)
+        self.resolution = resolution or choose_resolution(scene, self.camera)
         if min(self.resolution) < 1:
             raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
         self.request = Request(tuple(outputs), visibility, transport, bounces, dome_light_visible, lights_visible)
@@ -222,13 +222,6 @@ def use_camera_light(scene: Scene, mode: str) -> bool:
     if mode not in ("auto", "on", "off"):
         raise SceneError(f"camera light {mode!r} is not one of auto, on, off")
     return mode == "on" or (mode == "auto" and not scene.lights)
-
-
-def default_resolution(scene: Scene, camera: Camera) -> tuple[int, int]:
-    """The render settings' resolution, or usdrecord's 960 pixels by the camera's aspect."""
-    if scene.settings.resolution is not None:
-        return scene.settings.resolution
-    return 960, max(1, round(960 * camera.verticalAperture / camera.horizontalAperture))
 
 
 def _check_limits(samples: int | None, error: float | None, seconds: float | None) -> None:

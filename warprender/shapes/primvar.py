@@ -11,7 +11,7 @@ from ..records import DeviceScene, PrimvarRecord, Surface
 
 #: Interpolations in the order of their ids on the device. `varying` is stored as `vertex`: they differ only
 #: under subdivision, which happens before a mesh gets here.
-INTERPOLATIONS = ("constant", "uniform", "vertex", "faceVarying")
+INTERPOLATIONS = ("constant", "uniform", "vertex", "faceVarying", "instance")
 
 
 @dataclass
@@ -21,7 +21,8 @@ class Primvar:
     Attributes:
         values: (K, C) float32, C from 1 to 4 components.
         interpolation: one of `INTERPOLATIONS`. K is 1 (constant), the number of faces (uniform), of points
-            (vertex), or of corners in `faceVertexIndices` order (faceVarying), unless `indices` is given.
+            (vertex), or of corners in `faceVertexIndices` order (faceVarying), unless `indices` is given. `instance`
+            has a value for each copy under an instancer: instance id i takes number i modulo K.
         indices: (K,) int32 or None; with it, element k has the value `values[indices[k]]`.
     """
 
@@ -106,6 +107,9 @@ def primvar_at(scene: DeviceScene, surface: Surface, slot: int, fallback: wp.vec
         return fallback
     if interpolation == 0:
         return value_at(scene.primvars[index], 0)
+    if interpolation == 4:
+        count = scene.primvars[index].values.shape[0] / scene.primvars[index].width
+        return value_at(scene.primvars[index], scene.instances[surface.hit.instance].instance_id % count)
     triangle = surface.hit.face
     vertices = wp.vec3i(
         scene.geometries[surface.geometry].indices[3 * triangle],

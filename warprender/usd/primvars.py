@@ -18,7 +18,7 @@ SINGLE = {name: 1 for name in ("constant", "uniform", "vertex", "varying", "face
 
 
 def read_primvars(reading: Reading, prim: Usd.Prim, sizes: Mapping[str, int]) -> dict[str, Primvar]:
-    """The primvars that shading needs, inherited ones included.
+    """The primvars that shading needs and whose interpolation has a size here, inherited ones included.
 
     Args:
         reading: the reading in progress.
@@ -29,9 +29,10 @@ def read_primvars(reading: Reading, prim: Usd.Prim, sizes: Mapping[str, int]) ->
     api = UsdGeom.PrimvarsAPI(prim)
     for name, components in COMPONENTS.items():
         source = api.FindPrimvarWithInheritance(name)
-        primvar = read_primvar(reading, prim, source, sizes, components) if source else None
-        if primvar is not None:
-            found[name] = primvar
+        if source and str(source.GetInterpolation()) in sizes:
+            primvar = read_primvar(reading, prim, source, sizes, components)
+            if primvar is not None:
+                found[name] = primvar
     return found
 
 
