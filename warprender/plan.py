@@ -123,11 +123,13 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
+    planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
+    _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
     aovs = tuple(sorted(set(request.outputs) - {"color"}))
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
-        plan.outputs = OutputsKey(shapes, materials, effects[:1], aovs, bool(passing))
+        plan.outputs = OutputsKey(shapes, materials, tuple(e for e in effects if e != "lens"), aovs, bool(passing))
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
         kinds = _effects(plan, "light", _light_kinds(), _light_callers(lights), "a light of this kind")

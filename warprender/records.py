@@ -202,7 +202,8 @@ class DeviceScene:
 class CameraRecord:
     """A camera: `rotation` has right, up and backward as columns; the window is at distance 1 (or in scene units).
 
-    `window` is left, bottom, right, top. `near` and `far` are along -Z.
+    `window` is left, bottom, right, top. `near` and `far` are along -Z. `planes` (a, b, c, d) are in camera space;
+    where a x + b y + c z + d < 0 nothing is seen.
     """
 
     position: wp.vec3
@@ -215,3 +216,4 @@ class CameraRecord:
     lens_radius: wp.float32
     focus_distance: wp.float32
     origin: wp.vec3
+    planes: wp.array(dtype=wp.vec4)

@@ -92,6 +92,7 @@ class Renderer:
             self._upload.origin,
             settings.pixelAspectRatio,
             settings.aspectRatioConformPolicy,
+            device,
         )
         self._film = Film(*self.resolution, device, filter)
         self._seconds = {"prepare": time.perf_counter() - start}

@@ -91,7 +91,7 @@ def _read(reading: Reading, render_settings: str | None) -> None:
 
 
 def _world_bounds(reading: Reading) -> np.ndarray | None:
-    """World box (2, 3) float64 of the drawn purposes, None where the stage has none or a senseless one.
+    """World box (2, 3) float64 of the drawn purposes, None where it has none, a senseless one, or a point.
 
     usdrecord frames what `BBoxCache` answers, authored extents included. It follows protoIndices wherever
     they point, and recurses without end into an instancer that is its own prototype: not asked then.
@@ -104,8 +104,8 @@ def _world_bounds(reading: Reading) -> np.ndarray | None:
     except Tf.ErrorException:
         return None
     bounds = np.array([box.GetMin(), box.GetMax()], np.float64)
-    sane = np.isfinite(bounds).all() and (np.abs(bounds) < 1e37).all() and not box.IsEmpty()
-    return bounds if sane else None
+    sane = np.isfinite(bounds).all() and (np.abs(bounds) < 1e37).all() and (bounds[1] >= bounds[0]).all()
+    return bounds if sane and (bounds[1] > bounds[0]).any() else None
 
 
 def _time_code(stage: Usd.Stage, time: float | Usd.TimeCode | None) -> Usd.TimeCode:
