@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom
 from ..shapes import Mesh, Primvar
 from ..shapes.normals import vertex_normals
 from ..shapes.subdivision.cage import SCHEMES
-from .primvars import checked, read_primvar, read_primvars
+from .primvars import read_builtin, read_primvars
 from .reading import Reading
 from .subdivided import is_left_handed, subdivide
 from .topology import Topology, read_topology
@@ -58,7 +58,7 @@ def _read_cage(
     if reading.get(schema.GetSubdivisionSchemeAttr()) in SMOOTH_SCHEMES:
         mesh.normals = Primvar(vertex_normals(mesh.points, mesh.triangles), "vertex")
     else:
-        mesh.normals = _authored_normals(reading, schema, topology.sizes(len(points)))
+        mesh.normals = read_builtin(reading, schema.GetPrim(), "normals", topology.sizes(len(points)), 3)
     return mesh
 
 
@@ -70,16 +70,3 @@ def read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray | No
         return points.astype(np.float32)
     reading.remark(schema.GetPrim(), f"points holds no list of points but a {type(value).__name__}")
     return None
-
-
-def _authored_normals(reading: Reading, schema: UsdGeom.Mesh, sizes: dict[str, int]) -> Primvar | None:
-    """`primvars:normals`, else `normals`; None shades flat."""
-    prim = schema.GetPrim()
-    primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("normals")
-    if primvar and primvar.HasValue():
-        return read_primvar(reading, prim, primvar, sizes, 3)
-    values = reading.get(schema.GetNormalsAttr())
-    if values is None or not len(values):
-        return None
-    interpolation = str(schema.GetNormalsInterpolation())
-    return checked(reading, prim, "normals", values, interpolation, None, sizes, 3)

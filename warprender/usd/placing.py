@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom
 from ..scene import Placement
 from ..shapes import Mesh, Sphere
 from .binding import Bindings
+from .curves import read_curves
 from .geometry import read_mesh
 from .gprims import KINDS, read_gprim
 from .lights import read_light
@@ -23,6 +24,7 @@ from .walk import Visit
 SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
     "Mesh": read_mesh,
     "Points": read_point,
+    "BasisCurves": read_curves,
     **dict.fromkeys(KINDS, read_gprim),
 }
 
