@@ -43,6 +43,11 @@ def test_periodic_curves_close(basis, count):
     assert 0.8 < radii.min() and radii.max() < 1.01
 
 
+def test_a_periodic_bezier_of_four_points_stays_open():
+    curves = Curves(np.array([4]), "cubic", "bezier", "periodic")
+    assert curves.positions(line(4))[[0, -1], 0].tolist() == [0, 3]
+
+
 def test_linear_curves_pass_through_their_points():
     curves = Curves(np.array([3, 2]), "linear")
     points = np.random.default_rng(1).random((5, 3))

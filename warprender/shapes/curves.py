@@ -39,8 +39,9 @@ class Curves:
 
     @cached_property
     def periodic(self) -> bool:
-        """Whether curves close."""
-        return self.wrap == "periodic"
+        """Whether curves close; Bézier curves do if their points come in threes, and are open otherwise."""
+        in_threes = self.type == "linear" or self.basis != "bezier" or not (self.curveVertexCounts % 3).any()
+        return self.wrap == "periodic" and in_threes
 
     @cached_property
     def spans(self) -> np.ndarray:

@@ -14,6 +14,7 @@ from .cameras import read_cameras
 from .placing import place_lights, place_shape
 from .reading import Diagnostics, Reading, one_line
 from .settings import read_settings
+from .skeletons import find_skins
 from .stage import open_stage, read_metadata
 from .walk import is_light, walk
 
@@ -78,6 +79,7 @@ def _read(reading: Reading, render_settings: str | None) -> None:
     read_metadata(reading.stage, scene)
     read_cameras(reading)
     read_settings(reading, render_settings)
+    reading.skins = find_skins(reading)
     visits = list(walk(reading))
     shapes = [v for v in visits if v.prim.IsA(UsdGeom.Gprim)]
     bindings = Bindings(reading)

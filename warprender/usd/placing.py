@@ -18,6 +18,7 @@ from .lights import read_light
 from .points import points_frame, read_point
 from .primvars import inherited_from
 from .reading import Reading, shared_prim
+from .skeletons import to_skeleton
 from .walk import Visit
 
 #: Prim type to the reader of its shape; what is not here is not drawn yet, and says so.
@@ -38,6 +39,9 @@ def place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
         return
     if prim.HasAPI("MeshLightAPI"):
         reading.remark(prim, "it does not shine yet as MeshLightAPI asks")
+    skin = reading.skins.get(str(prim.GetPath()))
+    if skin and skin.has_joints:
+        visit = replace(visit, local=to_skeleton(skin, prim, visit.local, reading.time))
     if prim.IsA(UsdGeom.Points):
         visit = replace(visit, local=np.eye(4), frame=points_frame(reading, UsdGeom.Points(prim), visit))
     transforms, ids = _drawable_copies(reading, visit)
@@ -53,7 +57,9 @@ def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Call
     prim, given = visit.prim, visit.frame.primvars
     subsets = bindings.subset_keys(prim)
     owner = visit.frame.instancers[-1:] if given else ()
-    key = (shared_prim(prim).GetPath(), inherited_from(prim), subsets, owner)
+    skin = reading.skins.get(str(prim.GetPath()))
+    pose = skin.identity() if skin else ()
+    key = (shared_prim(prim).GetPath(), inherited_from(prim), subsets, owner, pose)
     if key not in reading.shapes:
         shape = read(reading, prim)
         if shape is not None and given:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from pxr import Tf, Usd, UsdUtils
 
 from ..scene import Scene
 from ..shapes import Mesh, Sphere
+
+if TYPE_CHECKING:
+    from .skeletons import Skin
 
 T = TypeVar("T")
 
@@ -28,6 +31,7 @@ class Reading:
         level: subdivision level, 0 draws the cage.
         scene: the scene being filled.
         shapes: shapes read so far by what determines them, so that instances share one.
+        skins: what poses a mesh, by the mesh's path.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
         remarks: message to the prims that it is about: the path that stands in the scene, by the path of the
             prim itself, which instances share.
@@ -40,6 +44,7 @@ class Reading:
     scene: Scene = field(default_factory=Scene)
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
     sound_instancers: bool = True
+    skins: dict[str, Skin] = field(default_factory=dict)
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def remark(self, prim: Usd.Prim, message: str) -> None:
