@@ -12,6 +12,7 @@ from ..scene import Placement
 from ..shapes import Mesh, Sphere
 from .binding import Bindings
 from .curves import read_curves
+from .draw_modes import read_stand_in
 from .geometry import read_mesh
 from .gprims import KINDS, read_gprim
 from .lights import read_light
@@ -33,6 +34,9 @@ SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
 def place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
     """Place a shape in all its copies, or remark on why not."""
     prim = visit.prim
+    if visit.draw_mode != "default":
+        _place_stand_in(reading, visit)
+        return
     read = SHAPES.get(prim.GetTypeName())
     if read is None:
         reading.remark(prim, f"{prim.GetTypeName() or 'a prim without a type'} is not drawn yet")
@@ -50,6 +54,15 @@ def place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
         return
     path = _unique(reading.scene.placements, visit)
     reading.scene.placements[path] = Placement(path, shape, transforms, bindings.key(prim), ids)
+
+
+def _place_stand_in(reading: Reading, visit: Visit) -> None:
+    """Place what a draw mode shows of a model."""
+    transforms, ids = _drawable_copies(reading, visit)
+    shape = read_stand_in(reading, visit.prim, visit.draw_mode) if len(transforms) else None
+    if shape is not None:
+        path = _unique(reading.scene.placements, visit)
+        reading.scene.placements[path] = Placement(path, shape, transforms, "", ids)
 
 
 def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Callable) -> Mesh | Sphere | None:

@@ -30,6 +30,7 @@ class Reading:
         purposes: purposes that are drawn; "default" is one of them.
         level: subdivision level, 0 draws the cage.
         scene: the scene being filled.
+        draw_modes: whether models may be drawn as boxes, axes or cards.
         shapes: shapes read so far by what determines them, so that instances share one.
         skins: what poses a mesh, by the mesh's path.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
@@ -42,6 +43,7 @@ class Reading:
     purposes: frozenset[str]
     level: int = 0
     scene: Scene = field(default_factory=Scene)
+    draw_modes: bool = True
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
     sound_instancers: bool = True
     skins: dict[str, Skin] = field(default_factory=dict)
