@@ -156,9 +156,9 @@ def test_loop_refuses_quads():
 def test_vertex_primvars_follow_the_points_and_varying_ones_the_cage():
     cage = cube_cage()
     points = np.asarray(cube(2.0).points)
-    same = {"vertex": Primvar(points, "vertex"), "linear": Primvar(points, "vertex")}
+    same = {"vertex": Primvar(points, "vertex"), "linear": Primvar(points, "varying")}
     surface = Subdivision(cage, 1)
-    mesh = surface.mesh(points, same, varying={"linear"})
+    mesh = surface.mesh(points, same)
     refined = surface._rules[0].refine(points)
     np.testing.assert_allclose(mesh.primvars["vertex"].values, refined, atol=1e-6)
     np.testing.assert_allclose(np.abs(mesh.primvars["linear"].values).max(1), 1)

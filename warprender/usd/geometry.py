@@ -8,8 +8,9 @@ from pxr import Usd, UsdGeom
 from ..shapes import Mesh, Primvar
 from ..shapes.normals import vertex_normals
 from ..shapes.subdivision.cage import SCHEMES
-from .primvars import checked, read_primvar, read_primvars
+from .primvars import read_builtin, read_primvars
 from .reading import Reading
+from .skeletons import posed_normals, posed_points
 from .subdivided import is_left_handed, subdivide
 from .topology import Topology, read_topology
 
@@ -30,11 +31,17 @@ def read_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
         reading.remark(prim, "it has faces but no points")
         return None
     points = np.nan_to_num(points, nan=0.0, posinf=0.0, neginf=0.0)
+    skin, moved = reading.skins.get(str(prim.GetPath())), None
+    if skin:
+        points, moved = posed_points(reading, skin, points)
     primvars = read_primvars(reading, prim, topology.sizes(len(points)))
     mesh = None
     if reading.level > 0 and reading.get(schema.GetSubdivisionSchemeAttr()) in SCHEMES:
         mesh = subdivide(reading, schema, topology, points, primvars)
-    mesh = mesh or _read_cage(reading, schema, topology, points, primvars)
+    if mesh is None:
+        mesh = _read_cage(reading, schema, topology, points.astype(np.float32), primvars)
+        if mesh.normals and moved is not None and not is_smooth(reading, schema):
+            mesh.normals = posed_normals(mesh.normals, moved, topology.indices)
     mesh.double_sided = bool(reading.get(schema.GetDoubleSidedAttr()))
     return mesh if len(mesh.triangles) else None
 
@@ -55,11 +62,16 @@ def _read_cage(
         hole_faces=np.concatenate([topology.holes, topology.broken]),
         primvars=primvars,
     )
-    if reading.get(schema.GetSubdivisionSchemeAttr()) in SMOOTH_SCHEMES:
+    if is_smooth(reading, schema):
         mesh.normals = Primvar(vertex_normals(mesh.points, mesh.triangles), "vertex")
     else:
-        mesh.normals = _authored_normals(reading, schema, topology.sizes(len(points)))
+        mesh.normals = read_builtin(reading, schema.GetPrim(), "normals", topology.sizes(len(points)), 3)
     return mesh
+
+
+def is_smooth(reading: Reading, schema: UsdGeom.Mesh) -> bool:
+    """Whether the cage stands for a smooth surface."""
+    return reading.get(schema.GetSubdivisionSchemeAttr()) in SMOOTH_SCHEMES
 
 
 def read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray | None:
@@ -70,16 +82,3 @@ def read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray | No
         return points.astype(np.float32)
     reading.remark(schema.GetPrim(), f"points holds no list of points but a {type(value).__name__}")
     return None
-
-
-def _authored_normals(reading: Reading, schema: UsdGeom.Mesh, sizes: dict[str, int]) -> Primvar | None:
-    """`primvars:normals`, else `normals`; None shades flat."""
-    prim = schema.GetPrim()
-    primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("normals")
-    if primvar and primvar.HasValue():
-        return read_primvar(reading, prim, primvar, sizes, 3)
-    values = reading.get(schema.GetNormalsAttr())
-    if values is None or not len(values):
-        return None
-    interpolation = str(schema.GetNormalsInterpolation())
-    return checked(reading, prim, "normals", values, interpolation, None, sizes, 3)

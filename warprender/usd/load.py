@@ -14,6 +14,7 @@ from .cameras import read_cameras
 from .placing import place_lights, place_shape
 from .reading import Diagnostics, Reading, one_line
 from .settings import read_settings
+from .skeletons import find_skins
 from .stage import open_stage, read_metadata
 from .walk import is_light, walk
 
@@ -37,6 +38,7 @@ def load(
     session_layer: str | os.PathLike | None = None,
     complexity: float | str = 1.0,
     render_settings: str | None = None,
+    draw_modes: bool = True,
 ) -> Scene:
     """Read a USD stage.
 
@@ -48,6 +50,7 @@ def load(
         mask: prim paths; only they, what they contain and their ancestors are read.
         session_layer: a layer whose opinions win over the stage's.
         complexity: usdrecord's, 1.0 to 1.3 or low, medium, high, veryhigh: 0 to 3 levels of subdivision.
+        draw_modes: whether models may be drawn as boxes, axes or cards where the stage says so.
         render_settings: path of the RenderSettings prim; None is the stage's own choice.
 
     Returns:
@@ -60,7 +63,7 @@ def load(
     with Diagnostics() as diagnostics:
         try:
             stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
-            reading = Reading(stage, _time_code(stage, time), _purposes(purposes), level)
+            reading = Reading(stage, _time_code(stage, time), _purposes(purposes), level, draw_modes=draw_modes)
             _read(reading, render_settings)
         except Tf.ErrorException as error:
             raise SceneError(f"{path}: {one_line(error)}") from None
@@ -77,14 +80,15 @@ def _read(reading: Reading, render_settings: str | None) -> None:
     read_metadata(reading.stage, scene)
     read_cameras(reading)
     read_settings(reading, render_settings)
+    reading.skins = find_skins(reading)
     visits = list(walk(reading))
-    shapes = [v for v in visits if v.prim.IsA(UsdGeom.Gprim)]
+    shapes = [v for v in visits if v.prim.IsA(UsdGeom.Gprim) or v.draw_mode != "default"]
     bindings = Bindings(reading)
     bindings.resolve([v.prim for v in shapes])
     for visit in shapes:
         reading.attempt(visit.prim, place_shape, visit, bindings)
     for visit in visits:
-        if is_light(visit.prim):
+        if is_light(visit.prim) and visit.draw_mode == "default":
             reading.attempt(visit.prim, place_lights, visit)
     scene.bounds = _world_bounds(reading)
     reading.report()

@@ -11,18 +11,22 @@ from pxr import Usd, UsdGeom
 from ..scene import Placement
 from ..shapes import Mesh, Sphere
 from .binding import Bindings
+from .curves import read_curves
+from .draw_modes import read_stand_in
 from .geometry import read_mesh
 from .gprims import KINDS, read_gprim
 from .lights import read_light
 from .points import points_frame, read_point
 from .primvars import inherited_from
 from .reading import Reading, shared_prim
+from .skeletons import to_skeleton
 from .walk import Visit
 
 #: Prim type to the reader of its shape; what is not here is not drawn yet, and says so.
 SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
     "Mesh": read_mesh,
     "Points": read_point,
+    "BasisCurves": read_curves,
     **dict.fromkeys(KINDS, read_gprim),
 }
 
@@ -30,12 +34,18 @@ SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
 def place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
     """Place a shape in all its copies, or remark on why not."""
     prim = visit.prim
+    if visit.draw_mode != "default":
+        _place_stand_in(reading, visit)
+        return
     read = SHAPES.get(prim.GetTypeName())
     if read is None:
         reading.remark(prim, f"{prim.GetTypeName() or 'a prim without a type'} is not drawn yet")
         return
     if prim.HasAPI("MeshLightAPI"):
         reading.remark(prim, "it does not shine yet as MeshLightAPI asks")
+    skin = reading.skins.get(str(prim.GetPath()))
+    if skin and skin.has_joints:
+        visit = replace(visit, local=to_skeleton(skin, prim, visit.local, reading.time))
     if prim.IsA(UsdGeom.Points):
         visit = replace(visit, local=np.eye(4), frame=points_frame(reading, UsdGeom.Points(prim), visit))
     transforms, ids = _drawable_copies(reading, visit)
@@ -46,12 +56,23 @@ def place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
     reading.scene.placements[path] = Placement(path, shape, transforms, bindings.key(prim), ids)
 
 
+def _place_stand_in(reading: Reading, visit: Visit) -> None:
+    """Place what a draw mode shows of a model."""
+    transforms, ids = _drawable_copies(reading, visit)
+    shape = read_stand_in(reading, visit.prim, visit.draw_mode) if len(transforms) else None
+    if shape is not None:
+        path = _unique(reading.scene.placements, visit)
+        reading.scene.placements[path] = Placement(path, shape, transforms, "", ids)
+
+
 def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Callable) -> Mesh | Sphere | None:
     """The shape of a prim, read once for all instances that look alike."""
     prim, given = visit.prim, visit.frame.primvars
     subsets = bindings.subset_keys(prim)
     owner = visit.frame.instancers[-1:] if given else ()
-    key = (shared_prim(prim).GetPath(), inherited_from(prim), subsets, owner)
+    skin = reading.skins.get(str(prim.GetPath()))
+    pose = skin.identity() if skin else ()
+    key = (shared_prim(prim).GetPath(), inherited_from(prim), subsets, owner, pose)
     if key not in reading.shapes:
         shape = read(reading, prim)
         if shape is not None and given:

@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom
 from ..shapes import Primvar, Sphere
 from .geometry import read_points
 from .instances import Frame
-from .primvars import checked, read_primvar, read_primvars
+from .primvars import read_builtin, read_primvars
 from .reading import Reading
 from .walk import Visit
 
@@ -30,7 +30,8 @@ def points_frame(reading: Reading, schema: UsdGeom.Points, visit: Visit) -> Fram
     points = read_points(reading, schema)
     points = np.zeros((0, 3)) if points is None else points.astype(np.float64)
     sizes = {"constant": 1, **dict.fromkeys(("uniform", "vertex", "varying"), len(points))}
-    widths = np.broadcast_to(_widths(reading, schema, sizes), len(points))
+    found = read_builtin(reading, prim, "widths", sizes, 1)
+    widths = np.broadcast_to(DEFAULT_WIDTH if found is None else found.expanded()[:, 0], len(points))
     copies = np.zeros((len(points), 4, 4))
     copies[:, [0, 1, 2], [0, 1, 2]] = widths[:, None]
     copies[:, 3, :3] = points
@@ -43,16 +44,3 @@ def points_frame(reading: Reading, schema: UsdGeom.Points, visit: Visit) -> Fram
     good &= widths > 0
     frame = visit.frame.nested(prim, np.where(good[:, None, None], copies, np.eye(4)) @ visit.local, rated)
     return frame.chosen(np.tile(good, len(visit.frame.ids)))
-
-
-def _widths(reading: Reading, schema: UsdGeom.Points, sizes: dict[str, int]) -> np.ndarray:
-    """(1,) or (N,) float64 diameters."""
-    prim = schema.GetPrim()
-    primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("widths")
-    values = reading.get(schema.GetWidthsAttr())
-    found = None
-    if primvar and primvar.HasValue():
-        found = read_primvar(reading, prim, primvar, sizes, 1)
-    elif values is not None and len(values):
-        found = checked(reading, prim, "widths", values, str(schema.GetWidthsInterpolation()), None, sizes, 1)
-    return np.array([DEFAULT_WIDTH]) if found is None else found.expanded()[:, 0].astype(np.float64)

@@ -49,6 +49,24 @@ def read_primvar(
     return checked(reading, prim, name, value, str(source.GetInterpolation()), indices, sizes, components)
 
 
+def read_builtin(
+    reading: Reading, prim: Usd.Prim, name: str, sizes: Mapping[str, int], components: int
+) -> Primvar | None:
+    """An attribute that counts as a primvar, such as normals or widths; `primvars:name` beats `name`."""
+    primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(name)
+    if primvar and primvar.HasValue():
+        return read_primvar(reading, prim, primvar, sizes, components)
+    attribute = prim.GetAttribute(name)
+    values = reading.get(attribute)
+    if values is None or not np.size(values):
+        return None
+    interpolation = attribute.GetMetadata("interpolation") or "vertex"
+    if np.size(values) == components:
+        # Stages give one width for all and leave the interpolation at its default.
+        interpolation = "constant"
+    return checked(reading, prim, name, values, interpolation, None, sizes, components)
+
+
 def checked(
     reading: Reading,
     prim: Usd.Prim,

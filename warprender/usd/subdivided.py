@@ -44,7 +44,7 @@ def subdivide(
         reading.remark(prim, f"its cage is drawn: {error}")
         return None
     carried = {name: _rearranged(primvar, corners) for name, primvar in primvars.items()}
-    mesh = surface.mesh(points, carried, _varying(schema, primvars))
+    mesh = surface.mesh(points, carried)
     mesh.faces = faces[mesh.faces].astype(np.int32)
     return mesh
 
@@ -71,9 +71,3 @@ def _rearranged(primvar: Primvar, corners: np.ndarray) -> Primvar:
         return primvar
     indices = corners if primvar.indices is None else primvar.indices[corners]
     return Primvar(primvar.values, "faceVarying", indices)
-
-
-def _varying(schema: UsdGeom.Mesh, primvars: dict[str, Primvar]) -> set[str]:
-    """Names of the primvars that are authored as varying."""
-    api = UsdGeom.PrimvarsAPI(schema)
-    return {n for n in primvars if api.FindPrimvarWithInheritance(n).GetInterpolation() == "varying"}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 import numpy as np
 
 from ..mesh import Mesh
@@ -42,19 +40,12 @@ class Subdivision:
         self._faces = self._cage_faces()
         self._drawn = ~cage.undrawn_faces(base)[self._faces]
 
-    def mesh(
-        self,
-        points: np.ndarray,
-        primvars: dict[str, Primvar] | None = None,
-        varying: Collection[str] = (),
-        **fields,
-    ) -> Mesh:
+    def mesh(self, points: np.ndarray, primvars: dict[str, Primvar] | None = None, **fields) -> Mesh:
         """Triangles of the surface.
 
         Args:
             points: (N, 3) points of the cage.
             primvars: primvars of the cage.
-            varying: names of those among them that are interpolated linearly between the cage's points.
             fields: further fields of `Mesh`.
 
         Returns:
@@ -67,13 +58,13 @@ class Subdivision:
             sectors = self._limit.sectors.of_corner
             normals = Primvar(self._limit.normals(refined), "faceVarying", sectors)
         triangles, faces, corners = self._triangles()
-        carried = {name: self._primvar(value, name in varying) for name, value in (primvars or {}).items()}
+        carried = {name: self._primvar(value) for name, value in (primvars or {}).items()}
         return Mesh(placed.astype(np.float32), triangles, faces, corners, normals, carried, **fields)
 
-    def _primvar(self, primvar: Primvar, varying: bool) -> Primvar:
+    def _primvar(self, primvar: Primvar) -> Primvar:
         """A primvar of the cage on the surface; constant and uniform ones are as they were."""
-        if primvar.interpolation == "vertex":
-            rules = self._linear if varying else self._rules
+        if primvar.interpolation in ("vertex", "varying"):
+            rules = self._rules if primvar.interpolation == "vertex" else self._linear
             return Primvar(_apply(rules, primvar.expanded()), "vertex")
         if primvar.interpolation == "faceVarying":
             return self._face_varying(primvar)
