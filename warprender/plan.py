@@ -124,11 +124,13 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
+    planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
+    _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
     aovs = tuple(sorted(set(request.outputs) - {"color"}))
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
-        plan.outputs = OutputsKey(shapes, materials, effects[:1], aovs, bool(passing))
+        plan.outputs = OutputsKey(shapes, materials, tuple(e for e in effects if e != "lens"), aovs, bool(passing))
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
         kinds = _effects(plan, "light", {k.__name__ for k in LIGHTS}, _light_callers(lights), "a light of this kind")
@@ -143,7 +145,9 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
 def everything() -> PathKey:
     """The key with every effect compiled in: another kernel, the same pictures."""
     names = (tuple(sorted(kind.__name__ for kind in kinds)) for kinds in (SHAPES, MATERIALS, LIGHTS))
-    return PathKey(*names, ("lens", "orthographic", "perspective"), sampled_lights=True, straight_through=True)
+    return PathKey(
+        *names, ("clippingPlanes", "lens", "orthographic", "perspective"), sampled_lights=True, straight_through=True
+    )
 
 
 def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:

@@ -92,12 +92,15 @@ class Renderer:
         self._upload = Upload(scene, lights, self.camera.transform[3, :3], device)
         for warning in self._upload.warnings:
             scene.warn(warning)
+        if not scene.placements:
+            scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
         settings = scene.settings
         self._camera_record = self.camera.record(
             *self.resolution,
             self._upload.origin,
             settings.pixelAspectRatio,
             settings.aspectRatioConformPolicy,
+            device,
         )
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")

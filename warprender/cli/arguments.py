@@ -52,7 +52,7 @@ def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
         "--defaultTime",
         "-d",
         action="store_true",
-        help="draw the default time; without it, the stage's startTimeCode if it has one",
+        help="draw the default time; without it, the stage's startTimeCode or its earliest samples",
     )
     times.add_argument(
         "--frames",
