@@ -1,4 +1,4 @@
-"""`warprender plan`: which effects a stage calls for, which prim called for each, and what is left out."""
+"""Say which effects a picture of a stage calls for, which prim called for each, and what is left out."""
 
 from __future__ import annotations
 

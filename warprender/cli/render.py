@@ -1,4 +1,4 @@
-"""`warprender render`: a stage to an image file, or a range of frames to one file each."""
+"""Draw a stage into an image file, or a range of frames into one file each."""
 
 from __future__ import annotations
 

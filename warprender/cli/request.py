@@ -86,6 +86,9 @@ def outputs(args: argparse.Namespace) -> tuple[str, ...]:
 
 def remarks(args: argparse.Namespace) -> list[str]:
     """Warnings about flags that are read but change nothing."""
+    found = []
     if args.renderer and args.renderer.lower() != "warprender":
-        return [f"--renderer {args.renderer}: read and ignored; warprender draws the picture"]
-    return []
+        found.append(f"--renderer {args.renderer}: read and ignored; warprender draws the picture")
+    if args.complexity != "low":
+        found.append(f"--complexity {args.complexity}: subdivision surfaces are not refined yet; their cages are drawn")
+    return found
