@@ -221,12 +221,11 @@ def test_wrong_usage_exits_with_2(arguments, capsys):
 
 def test_plan_as_text_and_as_json(recorder, capsys):
     recorder.scene.warn("/a: odd\nin two lines")
-    assert main(["plan", "a.usda", "-r", "Storm", "-c", "high", "--samples", "3"]) == 0
+    assert main(["plan", "a.usda", "-r", "Storm", "--samples", "3"]) == 0
     streams = capsys.readouterr()
     assert streams.out == "because\n"
     assert streams.err.splitlines() == [
         "warprender: warning: --renderer Storm: read and ignored; warprender draws the picture",
-        "warprender: warning: --complexity high: subdivision surfaces are not refined yet; their cages are drawn",
         "warprender: warning: /a: odd in two lines",
     ]
     assert main(["plan", "a.usda", "--json"]) == 0

@@ -45,7 +45,7 @@ def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
         "-c",
         choices=_COMPLEXITIES,
         default="low",
-        help="refinement of subdivision surfaces; not drawn yet (default: low)",
+        help="refinement of subdivision surfaces (default: low)",
     )
     times = group.add_mutually_exclusive_group()
     times.add_argument(

@@ -86,9 +86,6 @@ def outputs(args: argparse.Namespace) -> tuple[str, ...]:
 
 def remarks(args: argparse.Namespace) -> list[str]:
     """Warnings about flags that are read but change nothing."""
-    found = []
     if args.renderer and args.renderer.lower() != "warprender":
-        found.append(f"--renderer {args.renderer}: read and ignored; warprender draws the picture")
-    if args.complexity != "low":
-        found.append(f"--complexity {args.complexity}: subdivision surfaces are not refined yet; their cages are drawn")
-    return found
+        return [f"--renderer {args.renderer}: read and ignored; warprender draws the picture"]
+    return []

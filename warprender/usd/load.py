@@ -58,8 +58,7 @@ def load(
         variants: prim path to variant set to selection, as {"/Car": {"paint": "red"}}.
         mask: prim paths; only they, what they contain and their ancestors are read.
         session_layer: a layer whose opinions win over the stage's.
-        complexity: usdrecord's, 1.0 to 1.3 or low, medium, high, veryhigh: 0 to 3 levels of subdivision. It is
-            read and not drawn yet: subdivision surfaces show their cages.
+        complexity: usdrecord's, 1.0 to 1.3 or low, medium, high, veryhigh: 0 to 3 levels of subdivision.
         render_settings: path of the RenderSettings prim; None is the stage's own choice.
 
     Returns:
