@@ -89,6 +89,6 @@ class Frame:
 
     def __repr__(self) -> str:
         width, height = self.resolution
-        samples = f"; {self.stats['samples']} samples" if "samples" in self.stats else ""
+        samples = f"; {self.stats['samples']} samples" if self.stats.get("samples") else ""
         stopped = "; interrupted" if self.stats.get("interrupted") else ""
         return f"Frame({width}x{height}: {', '.join(self.outputs)}{samples}{stopped})"

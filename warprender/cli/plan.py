@@ -10,7 +10,11 @@ from .arguments import add_picture_arguments
 def add_parser(commands: argparse._SubParsersAction) -> None:
     """Add the command and its flags."""
     parser = commands.add_parser(
-        "plan", help="say what rendering a stage involves, and why", description=__doc__, allow_abbrev=False
+        "plan",
+        usage="%(prog)s [FLAGS] STAGE",
+        help="say what rendering a stage involves, and why",
+        description=__doc__,
+        allow_abbrev=False,
     )
     add_picture_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the plan as JSON")

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 def add_parser(commands: argparse._SubParsersAction) -> None:
     """Add the command and its flags."""
     parser = commands.add_parser(
-        "render", help="draw a stage into an image file", description=__doc__, allow_abbrev=False
+        "render",
+        usage="%(prog)s [FLAGS] STAGE OUTPUT",
+        help="draw a stage into an image file",
+        description=__doc__,
+        allow_abbrev=False,
     )
     add_picture_arguments(parser)
     parser.add_argument(
