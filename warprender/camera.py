@@ -27,17 +27,18 @@ class Camera:
 
     Attributes:
         projection: "perspective" or "orthographic".
-        focalLength: tenths of a scene unit, as are the apertures and their offsets.
+        focalLength: tenths of a scene unit, as are the apertures and their offsets; only their ratios matter for
+            what a perspective camera sees. Horizontal angle of view: 2 atan(horizontalAperture / 2 focalLength).
         horizontalAperture: width of the window at the focal length; an orthographic window itself.
-        verticalAperture: height of it.
+        verticalAperture: height of it. A picture of another shape widens one of the two (expandAperture).
         horizontalApertureOffset: shift of the window to the right.
         verticalApertureOffset: shift of the window upwards.
-        clippingRange: distances along -Z in scene units.
+        clippingRange: (near, far) distances along -Z in scene units; what lies outside is not seen.
         clippingPlanes: (a, b, c, d) in camera space; what has a x + b y + c z + d < 0 is not seen.
-        fStop: 0 is a pinhole.
-        focusDistance: in scene units.
+        fStop: focal length over the lens's diameter, sets the depth of field; 0 is a pinhole.
+        focusDistance: distance along -Z that is sharp, in scene units; 0 is a pinhole.
         exposureScale: multiplies the picture (`UsdGeomCamera.ComputeLinearExposureScale`).
-        transform: (4, 4) float64 camera-to-world matrix for row vectors.
+        transform: (4, 4) float64 camera-to-world matrix for row vectors; its scale does not matter.
     """
 
     projection: str = "perspective"

@@ -171,9 +171,13 @@ def check_outputs(names: tuple[str, ...]) -> None:
 
 
 def _check(request: Request) -> None:
+    if not request.outputs:
+        raise SceneError("outputs: none is asked for")
     check_outputs(request.outputs)
     if request.transport not in (*TRANSPORTS, "auto"):
         raise SceneError(f"transport {request.transport!r} is not one of auto, {', '.join(TRANSPORTS)}")
+    if request.transport == "none" and "color" in request.outputs:
+        raise SceneError("transport 'none' gives no color: ask for other outputs alone, or for transport 'path'")
     if request.visibility not in (*VISIBILITIES, "auto"):
         raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
     if request.bounces is not None and request.bounces < 0:

@@ -20,8 +20,8 @@ class RectLight(Light):
     """A rectangle in the local XY plane, centred, that emits towards local -Z.
 
     Attributes:
-        width: along local X.
-        height: along local Y.
+        width: along local X, in light space: scene units unless `transform` scales.
+        height: along local Y, likewise.
     """
 
     width: float = 1.0
