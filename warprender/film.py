@@ -13,8 +13,8 @@ import warp as wp
 from .launch import launch
 from .sampling import REPLICATES
 
-#: Entries of the tables that turn uniform numbers into filter offsets.
-_TABLE = 256
+#: Straight pieces of the tables that turn uniform numbers into filter offsets; the tails of a Gaussian need many.
+_TABLE = 2048
 
 
 @wp.struct
@@ -37,7 +37,7 @@ FILTERS = ("box", "triangle", "gaussian")
 
 
 def filter_table(name: str) -> np.ndarray:
-    """Inverse distribution of a reconstruction filter along one axis: (257,) float32 offsets in pixels.
+    """Inverse distribution of a reconstruction filter along one axis: (2049,) float32 offsets in pixels.
 
     "box" is one pixel wide, a sensor's own average; "triangle" and "gaussian" (σ = 0.5) reach 1 and 1.5 pixels.
     """
