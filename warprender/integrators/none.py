@@ -41,7 +41,7 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
         seen.camera = camera
         seen.orthographic = wp.static(orthographic)
         seen.ray = camera_ray(camera, wp.float32(seen.x) + 0.5, wp.float32(seen.y) + 0.5, wp.vec2(0.5, 0.5))
-        cone = pixel_cone(camera, wp.static(orthographic))
+        cone = pixel_cone(camera)
         hit = closest(scene, seen.ray)
         if hit.instance < 0:
             return

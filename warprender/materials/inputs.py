@@ -45,11 +45,6 @@ def least(value: Number) -> float:
     return 0.0 if isinstance(value, PrimvarReader) else float(value)
 
 
-def greatest_of_color(value: Color) -> float:
-    """An upper bound on a colour's channels, 1 where it varies."""
-    return 1.0 if isinstance(value, Varying) else max(value)
-
-
 @wp.func
 def footprint_at(scene: DeviceScene, surface: Surface, slot: int, absent: wp.vec4, width: float) -> Footprint:
     """Texture coordinates at a surface, and how far they reach over a footprint of this width.

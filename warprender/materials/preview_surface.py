@@ -32,8 +32,8 @@ from ..records import (
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
-from .albedo import white_albedo
-from .inputs import NORMAL, Color, Number, Varying, constant, greatest_of_color, least, values_function
+from .albedo import SIZE, albedo_table, white_albedo
+from .inputs import NORMAL, Color, Number, Varying, constant, least, values_function
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -124,10 +124,25 @@ class PreviewSurface:
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""
-        if isinstance(self.useSpecularWorkflow, Varying) or isinstance(self.ior, Varying):
+        names = ("diffuseColor", "specularColor", "useSpecularWorkflow", "metallic", "roughness", "ior")
+        if any(isinstance(getattr(self, name), Varying) for name in (*names, "clearcoat", "clearcoatRoughness")):
             return 1.0
-        specular = greatest_of_color(self.specularColor) if self.useSpecularWorkflow else 0.04
-        return min(1.0, max(greatest_of_color(self.diffuseColor), specular) + specular)
+        tint, f0, f90 = np.array(self.diffuseColor), np.array(self.specularColor), 1.0
+        diffuse, coat_f0 = tint, ((1 - self.ior) / (1 + self.ior)) ** 2
+        if not self.useSpecularWorkflow:
+            f90 = 1 - self.metallic + tint * self.metallic
+            f0 = f90 * (coat_f0 * (1 - self.metallic) + self.metallic)
+            diffuse = tint * (1 - self.metallic)
+        base = _gloss(self.roughness, f0, f90) + np.max(diffuse) * (1 - np.min(f0))
+        coat = self.clearcoat * _gloss(self.clearcoatRoughness, coat_f0, 1.0)
+        return float(min(1.0, coat + (1 - coat) * base))
+
+
+def _gloss(roughness: float, f0: np.ndarray | float, f90: np.ndarray | float) -> float:
+    """Largest directional albedo of a lobe; the two roughnesses of the table on either side bound it."""
+    position = np.clip(roughness, 0.0, 1.0) * (SIZE - 1)
+    white = albedo_table()[:, [int(position), int(np.ceil(position))], :2].reshape(-1, 2, 1)
+    return float((f0 * (white[:, 0] - white[:, 1]) + f90 * white[:, 1]).max())
 
 
 @cache
@@ -146,6 +161,7 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
             opacity = wp.where(values[OPACITY, 0] >= values[OPACITY_THRESHOLD, 0], 1.0, 0.0)
             presence = wp.bool(True)
         bsdf.pass_through = 1.0 - opacity
+        bsdf.present = wp.where(presence, opacity, 1.0)
         if presence and opacity <= 0.0:
             return bsdf
 
@@ -167,15 +183,13 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
         coat_roughness = wp.clamp(values[CLEARCOAT_ROUGHNESS, 0], 0.0, 1.0)
         bsdf.coat_alpha = coat_roughness * coat_roughness
 
-        bsdf.diffuse = bsdf.diffuse * opacity
         if wp.static(compensated):
-            bsdf.multiple = multiple_scattering(scene, bsdf)
+            if scene.energy_compensation != 0:
+                bsdf.multiple = multiple_scattering(scene, bsdf)
         if presence:
-            bsdf.f0 = bsdf.f0 * opacity
-            bsdf.f90 = bsdf.f90 * opacity
-            bsdf.multiple = bsdf.multiple * opacity
-            bsdf.coat = bsdf.coat * opacity
             bsdf.emission = bsdf.emission * opacity
+        else:
+            bsdf.diffuse = bsdf.diffuse * opacity
         bsdf.pass_through = bsdf.pass_through * clear_share(scene, bsdf, surface, presence)
         return bsdf
 
@@ -257,9 +271,11 @@ def lobe_probabilities(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3) -> wp.vec4:
     """Probability of sampling the cosine-weighted, specular, clearcoat and straight-through lobe: by their albedos."""
     white = white_albedo(scene.albedo, wo[2], bsdf.alpha)
     coat = coat_albedo(scene, bsdf, wo[2])
+    below_coat = bsdf.present * (1.0 - coat)
+    coat = bsdf.present * coat
     multiple = bsdf.multiple * (1.0 - white[0])
-    specular = max_component(specular_albedo(bsdf, white) - multiple) * (1.0 - coat)
-    diffuse = (max_component(bsdf.diffuse) * diffuse_scale(bsdf, white) + max_component(multiple)) * (1.0 - coat)
+    specular = max_component(specular_albedo(bsdf, white) - multiple) * below_coat
+    diffuse = (max_component(bsdf.diffuse) * diffuse_scale(bsdf, white) + max_component(multiple)) * below_coat
     total = diffuse + specular + coat + bsdf.pass_through
     if total <= 0.0:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
@@ -297,7 +313,7 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
     h = h / length
     half_cos = wp.clamp(wp.dot(wo, h), 0.0, 1.0)
     probability = lobe_probabilities(scene, bsdf, wo)
-    below_coat = 1.0 - wp.max(coat_albedo(scene, bsdf, wo[2]), coat_albedo(scene, bsdf, wi[2]))
+    below_coat = bsdf.present * (1.0 - wp.max(coat_albedo(scene, bsdf, wo[2]), coat_albedo(scene, bsdf, wi[2])))
     white_o = white_albedo(scene.albedo, wo[2], bsdf.alpha)
     white_i = white_albedo(scene.albedo, wi[2], bsdf.alpha)
     value.diffuse = diffuse_lobe(bsdf, wi, half_cos, white_o, white_i) * below_coat
@@ -308,7 +324,7 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
         value.specular += multiple_lobe(bsdf, wi, white_o, white_i) * below_coat
         value.pdf += probability[1] * ggx_visible_pdf(wo, h, bsdf.alpha)
     if bsdf.coat > 0.0 and bsdf.coat_alpha >= SMALLEST_ALPHA:
-        white = coat_fresnel(bsdf, half_cos) * ggx_reflection(wo, wi, h, bsdf.coat_alpha)
+        white = bsdf.present * coat_fresnel(bsdf, half_cos) * ggx_reflection(wo, wi, h, bsdf.coat_alpha)
         value.specular += wp.vec3(white, white, white)
         value.pdf += probability[2] * ggx_visible_pdf(wo, h, bsdf.coat_alpha)
     return value
@@ -320,7 +336,7 @@ def mirror(bsdf: Bsdf, wo: wp.vec3, weight: wp.vec3, probability: float) -> Bsdf
     result = BsdfSample()
     result.event = wp.where(probability > 0.0, EVENT_DELTA, EVENT_ABSORB)
     result.direction = wp.vec3(-wo[0], -wo[1], wo[2])
-    result.specular = weight / probability
+    result.specular = weight * (bsdf.present / probability)
     return result
 
 
