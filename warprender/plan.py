@@ -35,11 +35,11 @@ class PathKey:
 
     shapes: tuple[str, ...]
     materials: tuple[str, ...]
-    features: tuple[str, ...]
     lights: tuple[str, ...]
     camera: tuple[str, ...]
     sampled_lights: bool
     straight_through: bool
+    features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ class OutputsKey:
 
     shapes: tuple[str, ...]
     materials: tuple[str, ...]
-    features: tuple[str, ...]
     camera: tuple[str, ...]
     outputs: tuple[str, ...]
     straight_through: bool
+    features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -137,14 +137,14 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
         pinhole = tuple(e for e in effects if e != "lens")
-        plan.outputs = OutputsKey(shapes, materials, features, pinhole, aovs, bool(passing))
+        plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features)
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
         kinds = _effects(plan, "light", {k.__name__ for k in LIGHTS}, _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
         why = "lights that can be aimed at" if sampled else ""
         _note(plan, "shadow rays", why, "a light other than a dome")
-        plan.path = PathKey(shapes, materials, features, kinds, effects, sampled, bool(passing))
+        plan.path = PathKey(shapes, materials, kinds, effects, sampled, bool(passing), features)
         _bound_bounces(plan, scene, request)
     return plan
 
@@ -154,7 +154,7 @@ def everything() -> PathKey:
     names = (tuple(sorted(kind.__name__ for kind in kinds)) for kinds in (SHAPES, MATERIALS, LIGHTS))
     camera = ("clippingPlanes", "lens", "orthographic", "perspective")
     shapes, materials, lights = names
-    return PathKey(shapes, materials, FEATURES, lights, camera, sampled_lights=True, straight_through=True)
+    return PathKey(shapes, materials, lights, camera, True, True, FEATURES)
 
 
 def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:

@@ -147,6 +147,9 @@ def _numbers(reading: Reading, node: UsdShade.Shader, name: str, default: tuple[
         numbers = np.asarray(value, np.float64).reshape(-1)
     except (TypeError, ValueError):
         numbers = np.zeros(0)
+    if len(default) == 4 and len(numbers) == 3:
+        # Stages leave the alpha of colours out.
+        numbers = np.append(numbers, default[3])
     if len(numbers) != len(default) or not np.isfinite(numbers).all():
         reading.remark(node.GetPrim(), f"{name} is {value!r}; {default!r} is taken")
         return default
