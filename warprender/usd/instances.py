@@ -113,10 +113,11 @@ def expand(
 
 def _instance_matrices(reading: Reading, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray | None:
     """(J, 4, 4) float64 from each instance to the instancer, velocities and accelerations applied."""
+    time = _finite_time(reading, instancer)
     try:
         matrices = instancer.ComputeInstanceTransformsAtTime(
-            reading.time,
-            reading.time,
+            time,
+            time,
             UsdGeom.PointInstancer.ExcludeProtoXform,
             UsdGeom.PointInstancer.IgnoreMask,
         )
@@ -128,6 +129,14 @@ def _instance_matrices(reading: Reading, instancer: UsdGeom.PointInstancer, coun
         reading.remark(instancer.GetPrim(), "its instances are not drawn: positions and protoIndices differ in length")
         return None
     return matrices
+
+
+def _finite_time(reading: Reading, instancer: UsdGeom.PointInstancer) -> Usd.TimeCode:
+    """The time of the reading; the first sample's in place of the earliest of all, which velocities multiply."""
+    if not reading.time.IsEarliestTime():
+        return reading.time
+    samples = instancer.GetPositionsAttr().GetTimeSamples()
+    return Usd.TimeCode(samples[0]) if samples else Usd.TimeCode.Default()
 
 
 def _mask(reading: Reading, instancer: UsdGeom.PointInstancer, count: int) -> np.ndarray:

@@ -44,18 +44,18 @@ def load(
 
     Args:
         path: a .usda, .usdc, .usd or .usdz file, or a `Usd.Stage`.
-        time: time code; None is the stage's startTimeCode if it is authored, else the default time.
-        purposes: purposes to draw besides "default"; None is usdrecord's, ("proxy",).
-        variants: prim path to variant set to selection.
+        time: time code; None is the stage's startTimeCode if it is authored, else as early as anything is.
+        purposes: purposes to draw besides "default", of "render", "proxy" and "guide"; None is usdrecord's,
+            ("proxy",).
+        variants: prim path to variant set to selection, as {"/Car": {"paint": "red"}}.
         mask: prim paths; only they, what they contain and their ancestors are read.
         session_layer: a layer whose opinions win over the stage's.
         complexity: usdrecord's, 1.0 to 1.3 or low, medium, high, veryhigh: 0 to 3 levels of subdivision.
-
         draw_modes: whether models may be drawn as boxes, axes or cards where the stage says so.
         render_settings: path of the RenderSettings prim; None is the stage's own choice.
 
     Returns:
-        The scene. What cannot be drawn is named in `scene.warnings`.
+        The scene, in the stage's own units and axes. What cannot be drawn is named in `scene.warnings`.
 
     Raises:
         SceneError: the file is missing or is no USD stage, or an argument names what is not there.
@@ -96,7 +96,7 @@ def _read(reading: Reading, render_settings: str | None) -> None:
 
 
 def _world_bounds(reading: Reading) -> np.ndarray | None:
-    """World box (2, 3) float64 of the drawn purposes, None where the stage has none or a senseless one.
+    """World box (2, 3) float64 of the drawn purposes, None where it has none, a senseless one, or a point.
 
     usdrecord frames what `BBoxCache` answers, authored extents included. It follows protoIndices wherever
     they point, and recurses without end into an instancer that is its own prototype: not asked then.
@@ -109,8 +109,8 @@ def _world_bounds(reading: Reading) -> np.ndarray | None:
     except Tf.ErrorException:
         return None
     bounds = np.array([box.GetMin(), box.GetMax()], np.float64)
-    sane = np.isfinite(bounds).all() and (np.abs(bounds) < 1e37).all() and not box.IsEmpty()
-    return bounds if sane else None
+    sane = np.isfinite(bounds).all() and (np.abs(bounds) < 1e37).all() and (bounds[1] >= bounds[0]).all()
+    return bounds if sane and (bounds[1] > bounds[0]).any() else None
 
 
 def _time_code(stage: Usd.Stage, time: float | Usd.TimeCode | None) -> Usd.TimeCode:
@@ -120,7 +120,8 @@ def _time_code(stage: Usd.Stage, time: float | Usd.TimeCode | None) -> Usd.TimeC
         return Usd.TimeCode(float(time))
     if stage.HasAuthoredMetadata("startTimeCode"):
         return Usd.TimeCode(stage.GetStartTimeCode())
-    return Usd.TimeCode.Default()
+    # As usdrecord: the first sample of what is animated, the default of what is not.
+    return Usd.TimeCode.EarliestTime()
 
 
 def _purposes(purposes: Iterable[str] | None) -> frozenset[str]:

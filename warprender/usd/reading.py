@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
@@ -18,6 +19,9 @@ T = TypeVar("T")
 
 #: A remark made on more prims than this is reported once, with a count.
 LISTED_PRIMS = 3
+
+#: How USD ends a diagnostic of composition: what it was doing, the stage's file once more and an address.
+_CIRCUMSTANCES = re.compile(r" \((?:instantiating|recomposing)[^()]* on stage @.*\)$")
 
 
 @dataclass
@@ -108,4 +112,4 @@ def one_line(message: object) -> str:
     if isinstance(message, Tf.ErrorException):
         parts = str(message).split(" : '", 1)
         message = parts[-1].split("'\n")[0].rstrip("'\n")
-    return " ".join(str(message).split())
+    return _CIRCUMSTANCES.sub("", " ".join(str(message).split()))
