@@ -184,3 +184,11 @@ def test_loop_on_quads_draws_the_cage_with_a_warning():
 def test_kinds_that_are_not_drawn_yet_are_named_once():
     prims = "\n".join(f'def Volume "v{k}" {{ }}' for k in range(9))
     assert scene_of(prims).warnings == ["/v0 and 8 more prims: Volume is not drawn yet"]
+
+
+def test_concave_quads_are_cut_along_the_diagonal_inside():
+    corners = [(0, 0, 0), (2, 0, 0), (0.5, 0.5, 0), (0, 2, 0)]
+    for turn in range(4):
+        points = corners[turn:] + corners[:turn]
+        mesh, _ = mesh_of(SQUARE.replace("[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]", str(points)))
+        assert area(mesh) == pytest.approx(1.0) and (facing(mesh) > 0).all()

@@ -27,17 +27,18 @@ class Camera:
 
     Attributes:
         projection: "perspective" or "orthographic".
-        focalLength: tenths of a scene unit, as are the apertures and their offsets.
+        focalLength: tenths of a scene unit, as are the apertures and their offsets; only their ratios matter for
+            what a perspective camera sees. Horizontal angle of view: 2 atan(horizontalAperture / 2 focalLength).
         horizontalAperture: width of the window at the focal length; an orthographic window itself.
-        verticalAperture: height of it.
+        verticalAperture: height of it. A picture of another shape widens one of the two (expandAperture).
         horizontalApertureOffset: shift of the window to the right.
         verticalApertureOffset: shift of the window upwards.
-        clippingRange: distances along -Z in scene units.
+        clippingRange: (near, far) distances along -Z in scene units; what lies outside is not seen.
         clippingPlanes: (a, b, c, d) in camera space; what has a x + b y + c z + d < 0 is not seen.
-        fStop: 0 is a pinhole.
-        focusDistance: in scene units.
+        fStop: focal length over the lens's diameter, sets the depth of field; 0 is a pinhole.
+        focusDistance: distance along -Z that is sharp, in scene units; 0 is a pinhole.
         exposureScale: multiplies the picture (`UsdGeomCamera.ComputeLinearExposureScale`).
-        transform: (4, 4) float64 camera-to-world matrix for row vectors.
+        transform: (4, 4) float64 camera-to-world matrix for row vectors; its scale does not matter.
     """
 
     projection: str = "perspective"
@@ -129,6 +130,7 @@ class Camera:
             record.lens_radius = 0.05 * self.focalLength / self.fStop
         # Focused on infinity: finite, so that the vector to the focus is, too.
         record.focus_distance = min(self.focusDistance, 1e30)
+        record.orthographic = int(self.projection == "orthographic")
         record.origin = wp.vec3(*origin)
         record.planes = wp.array(self.clippingPlanes, dtype=wp.vec4, device=device) if self.clippingPlanes else None
         return record
@@ -155,6 +157,7 @@ def camera_ray_function(effects: tuple[str, ...]) -> wp.Function:
     direction has unit length.
     """
     orthographic, lens, planes = "orthographic" in effects, "lens" in effects, "clippingPlanes" in effects
+    only_orthographic = int("perspective" not in effects)
 
     @wp.func
     def camera_ray(camera: CameraRecord, x: float, y: float, u: wp.vec2) -> Ray:
@@ -164,12 +167,14 @@ def camera_ray_function(effects: tuple[str, ...]) -> wp.Function:
         origin = wp.vec3(0.0, 0.0, 0.0)
         towards = wp.vec3(px, py, -1.0)
         if wp.static(orthographic):
-            origin = wp.vec3(px, py, 0.0)
-            towards = wp.vec3(0.0, 0.0, -1.0)
+            if camera.orthographic + wp.static(only_orthographic) > 0:
+                origin = wp.vec3(px, py, 0.0)
+                towards = wp.vec3(0.0, 0.0, -1.0)
         if wp.static(lens):
-            place = unit_disk(u) * camera.lens_radius
-            origin = wp.vec3(place[0], place[1], 0.0)
-            towards = wp.vec3(px, py, -1.0) * camera.focus_distance - origin
+            if camera.lens_radius > 0.0:
+                place = unit_disk(u) * camera.lens_radius
+                origin = wp.vec3(place[0], place[1], 0.0)
+                towards = wp.vec3(px, py, -1.0) * camera.focus_distance - origin
         ray = Ray()
         # A unit step of the raw vector along -Z, so that the clipping planes are exact.
         towards = towards / -towards[2]

@@ -182,8 +182,9 @@ class Upload:
 
     def _upload_lights(self, lights: dict[str, Light]) -> None:
         radius = max(float(np.linalg.norm(self.bounds[1] - self.bounds[0])) / 2, 1e-6)
-        rows = np.zeros(len(lights), LightRecord.numpy_dtype())
-        power = np.zeros(len(lights))
+        # A dark row in a scene without lights: kernels that have lights compiled in may aim at number 0.
+        rows = np.zeros(max(len(lights), 1), LightRecord.numpy_dtype())
+        power = np.zeros(len(rows))
         for i, (path, light) in enumerate(lights.items()):
             power[i] = self._light_row(rows[i], path, light, radius)
         chosen = power > 0
@@ -191,7 +192,9 @@ class Upload:
             # Half by power, half alike: no light in the scene is left to starve beside a strong one.
             rows["choice"] = np.where(chosen, 0.5 * power / power.sum() + 0.5 / chosen.sum(), 0.0)
         cdf = np.cumsum(rows["choice"].astype(np.float64))
-        cdf[chosen.nonzero()[0][-1:]] = 1.0
+        # From the last light that is chosen on: no number below 1 reaches one that is not.
+        if chosen.any():
+            cdf[np.flatnonzero(chosen)[-1] :] = 1.0
         self.record.lights = self._array(rows, LightRecord)
         self.record.light_count = len(lights)
         self.record.light_cdf = self._array(cdf.astype(np.float32), wp.float32)

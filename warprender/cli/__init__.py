@@ -11,6 +11,7 @@ import argparse
 from collections.abc import Sequence
 from typing import NoReturn
 
+from .. import __version__
 from . import plan, render
 from .report import error, interrupted
 
@@ -46,7 +47,9 @@ def build_parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="warprender",
         description="Render OpenUSD stages on the CPU and on CUDA; flags as usdrecord's.",
+        epilog="warprender COMMAND --help explains a command's flags.",
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:
         command.add_parser(commands)

@@ -27,7 +27,7 @@ class Sphere:
 
 @wp.func
 def intersect_sphere(radius: float, origin: wp.vec3, direction: wp.vec3) -> wp.vec2:
-    """Both distances along a direction of any length, near first; both -1 on a miss.
+    """Both distances along a direction of any length, near first; both negative on a miss.
 
     The discriminant comes from the perpendicular vector, which does not cancel far away (Haines et al., Ray Tracing
     Gems, chapter 7).

@@ -45,8 +45,9 @@ def load(
     Args:
         path: a .usda, .usdc, .usd or .usdz file, or a `Usd.Stage`.
         time: time code; None is the stage's startTimeCode if it is authored, else as early as anything is.
-        purposes: purposes to draw besides "default"; None is usdrecord's, ("proxy",).
-        variants: prim path to variant set to selection.
+        purposes: purposes to draw besides "default", of "render", "proxy" and "guide"; None is usdrecord's,
+            ("proxy",).
+        variants: prim path to variant set to selection, as {"/Car": {"paint": "red"}}.
         mask: prim paths; only they, what they contain and their ancestors are read.
         session_layer: a layer whose opinions win over the stage's.
         complexity: usdrecord's, 1.0 to 1.3 or low, medium, high, veryhigh: 0 to 3 levels of subdivision.
@@ -54,7 +55,7 @@ def load(
         render_settings: path of the RenderSettings prim; None is the stage's own choice.
 
     Returns:
-        The scene. What cannot be drawn is named in `scene.warnings`.
+        The scene, in the stage's own units and axes. What cannot be drawn is named in `scene.warnings`.
 
     Raises:
         SceneError: the file is missing or is no USD stage, or an argument names what is not there.
