@@ -87,8 +87,9 @@ class Upload:
         """Instance records of a placement and their world boxes (K, 2, 3), singular transforms left out."""
         linear = placement.transforms[:, :3, :3].swapaxes(1, 2)
         translation = placement.transforms[:, 3, :3]
+        good = np.isfinite(placement.transforms).all((1, 2))
         with np.errstate(all="ignore"):
-            good = np.isfinite(placement.transforms).all((1, 2)) & (np.linalg.cond(linear) < 1e12)
+            good[good] = np.linalg.cond(linear[good]) < 1e12
         if not good.all():
             self.warnings.append(f"{path}: {int((~good).sum())} singular or non-finite transforms are not drawn")
         linear, translation = linear[good], translation[good]
