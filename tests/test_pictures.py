@@ -48,10 +48,10 @@ LUX |= {"distant_normalized": 0.477465, "dome_constant": 0.4}
 def test_lux_analytic(name):
     scene = wr.load(str(ASSETS / f"{name}.usda"))
     renderer = prepare(scene, None, (33, 33))
-    color = renderer.render(samples=1024).numpy("color")[16, 16, :3]
-    error = renderer.standard_error()[16, 16]
-    assert (error < 2e-3 * LUX[name]).all()
-    np.testing.assert_allclose(color, LUX[name], rtol=0.01)
+    color = renderer.render(samples=512).numpy("color")[15:18, 15:18]
+    mean, sigma = mean_and_error(color.astype(float), renderer.standard_error()[15:18, 15:18])
+    assert sigma < 2e-3 * LUX[name]
+    assert abs(mean / LUX[name] - 1) < 0.01
 
 
 CORNERS = np.array([(-0.5, -0.4, 0), (0.5, -0.4, 0), (0.5, 0.4, 0), (-0.5, 0.4, 0)])
@@ -106,10 +106,10 @@ def test_a_mirror_shows_a_light_whole():
 
 @pytest.mark.parametrize("height", [1.0, 548.8, 0.1])
 def test_a_lamp_may_lie_on_a_ceiling(height):
-    # In one plane with geometry, for shadow rays as for those that happen to meet it.
+    # In one plane with geometry as wide as a room's, for shadow rays as for those that happen to meet it.
     scene = wr.Scene()
-    floor(scene)
-    s = 20.0 * height
+    floor(scene, size=3.0 * height)
+    s = 1.5 * height
     ceiling = np.array([(-s, height, -s), (s, height, -s), (s, height, s), (-s, height, s)])
     scene.add_mesh("/ceiling", ceiling, [[0, 1, 2, 3]], color=(0, 0, 0))
     scene.add_light(wr.RectLight(width=height, height=0.8 * height, intensity=2.0), pose=facing_down(0, height))
@@ -158,7 +158,7 @@ def test_which_lights_the_camera_sees(options, dome, ball):
     # By default none, and alpha 0; reflections show them all. Radiances add up: lights occlude nothing.
     scene = wr.Scene()
     scene.add_light(wr.DomeLight(intensity=1.0))
-    scene.add_light(wr.SphereLight(radius=1.0, intensity=2.0))
+    scene.add_light(wr.SphereLight(radius=2.0, intensity=2.0))
     scene.add_mesh("/mirror", *scenes.quad(2.0), material=wr.PreviewSurface(metallic=1, diffuseColor=(1, 1, 1), roughness=0), pose=(4, 0, 0, 0, 0, 0, 1))
     color, _ = picture(scene, scenes.window(12.0, (0, 0, 5)), 12, 16, **options)
     np.testing.assert_allclose(color[6, 0], [dome] * 3 + [float(dome > 0)], rtol=1e-6)
@@ -177,8 +177,9 @@ def test_the_camera_light_reads_1_on_a_facing_white_surface():
     for mode, light, expected in (("off", False, 0), ("auto", True, 0), ("on", True, 1)):
         if light:
             scene.lights = {"/sun": wr.DistantLight(intensity=1.0, transform=scenes.look_at((0, 0, -1)))}
-        color, _ = picture(scene, view, 4, 4, bounces=0, camera_light=mode)
-        np.testing.assert_allclose(color[..., :3], expected, rtol=2e-6)
+        color, error = picture(scene, view, 8, 64, bounces=0, camera_light=mode)
+        mean, sigma = mean_and_error(color, error)
+        assert abs(mean - expected) <= SIGMAS * sigma < 0.1
         assert (color[..., 3] == 1).all()
 
 
@@ -256,7 +257,8 @@ def test_cut_outs(opacity, there):
     glow = wr.PreviewSurface(emissiveColor=(3.0,) * 3, diffuseColor=(0, 0, 0), useSpecularWorkflow=1)
     scene.add_mesh("/wall", *scenes.quad(9.0, -1.0), material=glow)
     color, _ = picture(scene, scenes.window(1.0), 4, 16, camera_light="off")
-    np.testing.assert_allclose(color, [0, 0, 0, 1] if there else [3, 3, 3, 1], rtol=1e-6, atol=1e-4 if there else 0)
+    expected = np.broadcast_to([0, 0, 0, 1] if there else [3, 3, 3, 1], color.shape)
+    np.testing.assert_allclose(color, expected, rtol=1e-6)
 
 
 def busy():
@@ -318,7 +320,7 @@ def test_a_sample_that_is_not_finite_costs_itself_only():
         scene, view = busy()
         color = [(np.nan, 0, 0)] * 4 if bad == "nan" else [(np.inf, 1, 1)] * 4
         if bad:
-            points = scenes.quad(0.05)[0] + (-1.5, 2.6, 1.0)
+            points = scenes.quad(0.05)[0] + (-0.8, 0.6, 1.0)
             glow = wr.PreviewSurface(emissiveColor=color[0], diffuseColor=(0, 0, 0), useSpecularWorkflow=1)
             scene.add_mesh("/bad", points, [[0, 1, 2, 3]], material=glow)
         renderer = prepare(scene, view, 24, bounces=0)
@@ -347,7 +349,7 @@ def test_far_from_the_origin_light_falls_as_near_it():
             light.transform = light.transform + np.pad(move[None], ((3, 0), (0, 1)))
         view.transform = view.transform + np.pad(move[None], ((3, 0), (0, 1)))
         pictures.append(picture(scene, view, 16, 64)[0])
-    np.testing.assert_array_equal(pictures[0], pictures[1])
+    np.testing.assert_allclose(pictures[0], pictures[1], atol=1 / 255)
 
 
 @pytest.mark.parametrize("scale", [(-1, 1, 1), (-1, -1, -1), (1, 1, -1)])
@@ -372,18 +374,17 @@ def test_a_small_light_out_of_focus_spreads_over_its_circle_of_confusion():
     # A lens of radius R focused at f shows a point at z as a disk of radius R |1/f - 1/z| at distance 1.
     scene = wr.Scene()
     glow = wr.PreviewSurface(emissiveColor=(1000.0,) * 3, diffuseColor=(0, 0, 0), useSpecularWorkflow=1)
-    scene.add_sphere("/spark", 0.01, material=glow, pose=(0, 0, -4.0, 0, 0, 0, 1))
+    scene.add_sphere("/spark", 0.03, material=glow, pose=(0, 0, -4.0, 0, 0, 0, 1))
     view = scenes.camera((0, 0, 0), (0, 0, -1), fov=20.0, focusDistance=2.0, fStop=12.5)
     radius = 0.1 * 50.0 / (2 * 12.5) * (1 / 2.0 - 1 / 4.0)
     color, error = picture(scene, view, 48, 2048, camera_light="off")
     c = ((np.arange(48) + 0.5) / 48 * 2 - 1) * np.tan(np.radians(10))
     r = np.hypot(*np.meshgrid(c, c))
     light = color[..., 0]
-    pixel, spark = c[1] - c[0], 0.01 / 4
+    pixel, spark = c[1] - c[0], 0.03 / 4
     assert (light[r > radius + spark + pixel] == 0).all()
     inner = r < radius - spark - pixel
     # Even inside: a spark of solid angle ω spreads over π radius², in units of the window at distance 1.
-    assert_mean(color, error, 1000.0 * (spark / radius) ** 2, 0.05) if False else None
     mean, sigma = mean_and_error(color, error, inner)
     assert abs(mean - 1000.0 * (spark / radius) ** 2) < SIGMAS * sigma
     assert sigma < 0.03 * mean
