@@ -90,6 +90,7 @@ def test_every_flag_arrives(recorder):
         "--variant /a:look=red --variant /a:size=big -cam /cam --resolution 8x4 --aov color,depth --aov primId "
         "--filter box --cameraLight on --enableDomeLightVisibility --enableLightVisibility --transport path "
         "--visibility rays --samples 9 --error 0.1 --seconds 2.5 --bounces 0 --seed 5 --threads 2 "
+        "--energyCompensation "
         "--disableGpu"
     )
     assert main(["render", *flags.split(), "a.usda", "a.exr"]) == 0
@@ -119,6 +120,7 @@ def test_every_flag_arrives(recorder):
         "lights_visible": True,
         "filter": "box",
         "sampler": "sobol",
+        "energy_compensation": True,
     }
     assert recorder.renders == [dict(samples=9, error=0.1, seconds=2.5, seed=5, progress=None)]
 
@@ -217,7 +219,8 @@ def test_wrong_usage_exits_with_2(arguments, capsys):
     with pytest.raises(SystemExit) as exit:
         main(arguments)
     assert exit.value.code == 2
-    assert "error: " in capsys.readouterr().err.splitlines()[-1]
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "error: " in line
 
 
 def test_plan_as_text_and_as_json(recorder, capsys):
