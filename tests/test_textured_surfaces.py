@@ -61,7 +61,7 @@ def test_a_cut_out_is_there_from_its_threshold_on(threshold, seen):
     opacity = wr.Texture(row(1.0), "r", "clamp", "clamp", scale=(0.75,) * 4, bias=(-0.25,) * 4)
     look = wr.PreviewSurface(emissiveColor=(1, 1, 1), opacity=opacity, opacityThreshold=threshold, **MATT)
     look.opacityMode = "presence"
-    color, error = picture(textured_quad(look), scenes.window(1.0), 8, 64, camera_light="off")
+    color, _ = picture(textured_quad(look), scenes.window(1.0), 8, 64, camera_light="off")
     assert color[..., 3].mean() == pytest.approx(seen, abs=1e-6 if threshold else 0.05)
     assert color[..., 0].mean() == pytest.approx(seen, abs=0.01 if threshold else 0.05)
 

@@ -17,7 +17,9 @@ SQUARE = """def Mesh "m" ( prepend apiSchemas = ["MaterialBindingAPI"] ) {
     uniform token subdivisionScheme = "none"
     texCoord2f[] primvars:uv = [(0, 0), (1, 0), (1, 1), (0, 1)] ( interpolation = "vertex" )
     float[] primvars:gloss = [0.5] }"""
-READER = 'def Shader "r" { uniform token info:id = "UsdPrimvarReader_float2"\nstring inputs:varname = "uv"\nfloat2 outputs:result }'
+READER = """def Shader "r" { uniform token info:id = "UsdPrimvarReader_float2"
+    string inputs:varname = "uv"
+    float2 outputs:result }"""
 ST = "float2 inputs:st.connect = </A/r.outputs:result>"
 
 

@@ -57,7 +57,8 @@ class Surface:
 class Bsdf:
     """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
 
-    `present` scales all that the surface does to light but let it through.
+    `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
+    diffuse part, already scaled by it, leaves to nothing else.
     """
 
     kind: wp.int32
@@ -71,6 +72,7 @@ class Bsdf:
     coat_f0: wp.float32
     coat_alpha: wp.float32
     present: wp.float32
+    cover: wp.float32
     pass_through: wp.float32
 
 

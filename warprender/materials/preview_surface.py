@@ -186,9 +186,11 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
         if wp.static(compensated):
             if scene.energy_compensation != 0:
                 bsdf.multiple = multiple_scattering(scene, bsdf)
+        bsdf.cover = 1.0
         if presence:
             bsdf.emission = bsdf.emission * opacity
         else:
+            bsdf.cover = opacity
             bsdf.diffuse = bsdf.diffuse * opacity
         bsdf.pass_through = bsdf.pass_through * clear_share(scene, bsdf, surface, presence)
         return bsdf
@@ -254,11 +256,11 @@ def coat_albedo(scene: DeviceScene, bsdf: Bsdf, cosine: float) -> float:
 
 @wp.func
 def diffuse_scale(bsdf: Bsdf, white: wp.vec4) -> float:
-    """Factor at most 1 that keeps diffuse and specular albedo together at most 1."""
+    """Factor at most 1 that keeps the albedos of all lobes, and what goes straight through, together at most 1."""
     ones = wp.vec3(1.0, 1.0, 1.0)
     passed = ones - bsdf.f0 * (1.0 - white[2]) - bsdf.f90 * white[2]
     diffuse = wp.cw_mul(bsdf.diffuse, wp.max(passed, wp.vec3(0.0, 0.0, 0.0)))
-    left = wp.max(ones - specular_albedo(bsdf, white), wp.vec3(0.0, 0.0, 0.0))
+    left = wp.max(ones - specular_albedo(bsdf, white), wp.vec3(0.0, 0.0, 0.0)) * bsdf.cover
     scale = wp.float32(1.0)
     for c in range(3):
         if diffuse[c] > left[c]:
