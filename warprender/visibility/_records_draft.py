@@ -2,7 +2,7 @@
 
 import warp as wp
 
-mat34 = wp.types.matrix(shape=(3, 4), dtype=wp.float32)
+from ..numerics import mat34
 
 MESH, SPHERE = 0, 1
 

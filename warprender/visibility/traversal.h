@@ -4,6 +4,8 @@
 // leaf test, whatever the shape of the tree and the order of the walk. Boxes are never culled on a tie, nor within
 // the rounding error of t.
 //
+// WR_SCALAR chooses the scalar form, on CUDA always and on the CPU for tests.
+//
 // native.py pastes this text into the body of the functions that need it, so it holds only what C++ allows inside
 // a function: types, and structs with static members. Warp defines float(x) and int(x) as macros, so casts are
 // written (float)(x).
@@ -22,6 +24,7 @@
 
 #define WR_FN static inline CUDA_CALLABLE
 #ifdef __CUDA_ARCH__
+#define WR_SCALAR
 #define WR_NO_FUSION
 #else
 #define WR_NO_FUSION _Pragma("clang fp contract(off)")
@@ -38,7 +41,7 @@ struct Bound {
     }
     // Either side of the slab test rounds three times (Ize; pbrt-v4 6.8.2).
     WR_FN float slab() { return 1.0f + 2.0f * gamma(3); }
-    WR_FN float infinity() { return __builtin_inff(); }
+    WR_FN float infinity() { return INFINITY; }
     WR_FN float magnitude(float x) { return x < 0.0f ? -x : x; }
     WR_FN float larger(float a, float b) { return a > b ? a : b; }
     WR_FN float smaller(float a, float b) { return a < b ? a : b; }
@@ -119,7 +122,8 @@ struct Lane {
 
 // What a ray has found so far, and what it still wants.
 struct Answer {
-    float t;          // the end of the open interval until something is hit
+    float t;          // t_end until something is hit
+    float t_end;      // only 0 <= t < t_end counts
     float t_cull;     // boxes that start beyond cannot matter: t plus its error bound
     int instance, face;
     float u, v;       // weights of vertices 1 and 2
@@ -133,8 +137,13 @@ struct Answer {
     CUDA_CALLABLE inline bool found() const { return face >= 0; }
     CUDA_CALLABLE inline bool wants(float t_new, int i, int f) const
     {
-        return t_new >= 0.0f && before(t_new, i, f, t, instance, face)
+        return before(t_new, i, f, t, instance, face)
             && before(t_after, instance_after, face_after, t_new, i, f);
+    }
+    // Rounding may have moved t across an end of the interval.
+    CUDA_CALLABLE inline bool near_end(float t_new, float error) const
+    {
+        return Bound::magnitude(t_new) <= error || Bound::magnitude(t_new - t_end) <= error;
     }
     CUDA_CALLABLE inline void take(float t_new, float error, int i, int f, float u_new, float v_new)
     {
@@ -148,7 +157,7 @@ struct Answer {
     WR_FN Answer open(const Lane& ray, float t_max, float t_after, int instance_after, int face_after)
     {
         float t = t_max / ray.unit;
-        return { t, t * (1.0f + 2.0f * Bound::gamma(8)), -1, -1, 0.0f, 0.0f, t_after / ray.unit, instance_after,
+        return { t, t, t * (1.0f + 2.0f * Bound::gamma(8)), -1, -1, 0.0f, 0.0f, t_after / ray.unit, instance_after,
             face_after };
     }
     CUDA_CALLABLE inline float distance(const Lane& ray) const { return found() ? t * ray.unit : Bound::infinity(); }
@@ -192,24 +201,50 @@ struct Triangle {
         float weight = Bound::smaller(16.0f * edge * Bound::magnitude(inverse), 1.0f);
         return mz * Bound::gamma(8) + weight * (Bound::largest(z) - Bound::smallest(z));
     }
-    // Offers a projected triangle to the answer; true if it was taken.
-    WR_FN bool offer(const Lane& ray, const float* x, const float* y, const float* z, int instance, int face,
-        Answer& best)
+    // Where the ray meets the triangle's plane, in float64: on which side of it the origin lies, all but exactly.
+    WR_FN double depth(const Lane& ray, const float p[3][3])
     {
-        float e[3];
+        double a[3], b[3], c[3];
+        for (int k = 0; k < 3; ++k) {
+            a[k] = (double)(p[1][k]) - (double)(p[0][k]);
+            b[k] = (double)(p[2][k]) - (double)(p[0][k]);
+            c[k] = (double)(p[0][k]) - (double)(ray.o[k]);
+        }
+        double n[3] = { a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0] };
+        return (n[0] * c[0] + n[1] * c[1] + n[2] * c[2]) / (n[0] * ray.d[0] + n[1] * ray.d[1] + n[2] * ray.d[2]);
+    }
+    // A ray through the triangle's inside has it if t is wanted; within t's error of an end float64 decides.
+    WR_FN bool settle(const Lane& ray, const float p[3][3], float t, float error, float w1, float w2, int instance,
+        int face, Answer& best)
+    {
+        if (best.near_end(t, error)) {
+            double exact = depth(ray, p);
+            if (!(exact >= 0.0 && exact < (double)(best.t_end)))
+                return false;
+            t = (float)(exact);
+        }
+        if (!(t >= 0.0f && best.wants(t, instance, face)))
+            return false;
+        best.take(t, error, instance, face, w1, w2);
+        return true;
+    }
+    // Offers a triangle to the answer; true if it was taken.
+    WR_FN bool offer(const Lane& ray, const float p[3][3], int instance, int face, Answer& best)
+    {
+        float x[3], y[3], z[3], e[3];
+        for (int k = 0; k < 3; ++k)
+            project(ray, p[k], x[k], y[k], z[k]);
         edges(x, y, e);
         if (Bound::smallest(e) < 0.0f && Bound::largest(e) > 0.0f)
             return false;
         float det = Bound::sum(Bound::sum(e[0], e[1]), e[2]);
-        float inverse = 1.0f / det;
-        float w[3] = { e[0] * inverse, e[1] * inverse, e[2] * inverse };
-        float t = Bound::sum(Bound::product(w[0], z[0]), Bound::product(w[1], z[1]));
-        t = Bound::sum(t, Bound::product(w[2], z[2]));
-        // det 0, the triangle seen edge-on, makes t infinite or NaN, which nothing wants
-        if (!best.wants(t, instance, face))
+        if (!(det != 0.0f))
             return false;
-        best.take(t, error(ray, x, y, z, inverse), instance, face, w[1], w[2]);
-        return true;
+        float inverse = 1.0f / det;
+        float w1 = e[1] * inverse, w2 = e[2] * inverse;
+        float t = Bound::sum(z[0], Bound::product(w1, Bound::sum(z[1], -z[0])));
+        t = Bound::sum(t, Bound::product(w2, Bound::sum(z[2], -z[0])));
+        return settle(ray, p, t, error(ray, x, y, z, inverse), w1, w2, instance, face, best);
     }
 };
 
@@ -237,7 +272,7 @@ struct Sphere {
     }
     WR_FN bool take(float t, int instance, Answer& best)
     {
-        if (!best.wants(t, instance, 0))
+        if (!(t >= 0.0f && best.wants(t, instance, 0)))
             return false;
         best.take(t, t * Bound::gamma(1), instance, 0, 0.0f, 0.0f);
         return true;
@@ -303,13 +338,11 @@ struct Binary {
         bool hit = false;
         for (int i = begin; i < end; ++i) {
             int face = mesh.bvh.primitive_indices[i];
-            float x[3], y[3], z[3];
-            for (int k = 0; k < 3; ++k) {
-                wp::vec3 p = mesh.points.data[mesh.indices.data[3 * face + k]];
-                float c[3] = { p[0], p[1], p[2] };
-                Triangle::project(ray, c, x[k], y[k], z[k]);
-            }
-            hit |= Triangle::offer(ray, x, y, z, instance, face, best);
+            float p[3][3];
+            for (int k = 0; k < 3; ++k)
+                for (int a = 0; a < 3; ++a)
+                    p[k][a] = mesh.points.data[mesh.indices.data[3 * face + k]][a];
+            hit |= Triangle::offer(ray, p, instance, face, best);
         }
         return hit;
     }
@@ -334,7 +367,7 @@ struct Binary {
 
 // ---------------------------------------------------------------- eight boxes, four triangles at once
 
-#ifndef __CUDA_ARCH__
+#ifndef WR_SCALAR
 struct Wide {
     enum { slots = 8, lanes = 4, depth = 36, stack = depth * 7 + 8, no_face = 0x7fffffff };
     typedef float Eight __attribute__((ext_vector_type(8), aligned(4)));
@@ -495,26 +528,28 @@ struct Wide {
         if (inside) {
             Four inverse = 1.0f / (e0 + e1 + e2);
             Four w1 = e1 * inverse, w2 = e2 * inverse;
-            Four t = e0 * inverse * z[0] + w1 * z[1] + w2 * z[2];
-            inside &= bits((t >= zero) & (t <= best.t));
-            if (inside) {
-                Four err = error(ray, x, y, z, inverse);
-                for (; inside; inside &= inside - 1) {
-                    int k = __builtin_ctz(inside), face = block.face[k] & no_face;
-                    if (best.wants(t[k], instance, face)) {
-                        best.take(t[k], err[k], instance, face, w1[k], w2[k]);
-                        hit = true;
-                    }
-                }
+            Four t = z[0] + w1 * (z[1] - z[0]) + w2 * (z[2] - z[0]);
+            Four err = error(ray, x, y, z, inverse);
+            for (inside &= bits((t >= -err) & (t <= best.t + err)); inside; inside &= inside - 1) {
+                int k = __builtin_ctz(inside);
+                float p[3][3];
+                corners(block, k, p);
+                hit |= Triangle::settle(ray, p, t[k], err[k], w1[k], w2[k], instance, block.face[k] & no_face, best);
             }
         }
         for (; unsure; unsure &= unsure - 1) {
             int k = __builtin_ctz(unsure);
-            float lx[3] = { x[0][k], x[1][k], x[2][k] }, ly[3] = { y[0][k], y[1][k], y[2][k] };
-            float lz[3] = { z[0][k], z[1][k], z[2][k] };
-            hit |= Triangle::offer(ray, lx, ly, lz, instance, block.face[k] & no_face, best);
+            float p[3][3];
+            corners(block, k, p);
+            hit |= Triangle::offer(ray, p, instance, block.face[k] & no_face, best);
         }
         return hit;
+    }
+    WR_FN void corners(const Block& block, int k, float p[3][3])
+    {
+        for (int i = 0; i < 3; ++i)
+            for (int a = 0; a < 3; ++a)
+                p[i][a] = block.corner[i][a][k];
     }
 
     // any: stop at the first hit that counts.
@@ -833,7 +868,7 @@ struct World {
     {
         if (g.kind == 1)
             Sphere::offer(ray, g.radius, instance, best);
-#ifdef __CUDA_ARCH__
+#ifdef WR_SCALAR
         else if (g.mesh)
             Binary::trace(wp::mesh_get(g.mesh), instance, ray, any, best);
 #else
@@ -863,7 +898,7 @@ struct World {
         if (w.count == 0)
             return;
         float pad = w.pad * Bound::extreme(ray.o);
-#ifdef __CUDA_ARCH__
+#ifdef WR_SCALAR
         walk_binary(w, ray, pad, any, best);
 #else
         walk_wide(w, ray, pad, any, best);
@@ -889,7 +924,7 @@ struct World {
             }
         }
     }
-#ifndef __CUDA_ARCH__
+#ifndef WR_SCALAR
     static __attribute__((noinline)) void walk_wide(const World& w, const Lane& ray, float pad, bool any, Answer& best)
     {
         const Wide::Node* nodes = (const Wide::Node*)(w.nodes);
@@ -921,14 +956,15 @@ struct World {
     WR_FN wp::vec_t<5, wp::int32> result(const Lane& ray, const Answer& best)
     {
         wp::vec_t<5, wp::int32> out;
-        float f[3] = { best.distance(ray), best.u, best.v };
-        int k[3];
-        __builtin_memcpy(k, f, sizeof(f));
-        out[0] = k[0];
+        union {
+            float f[3];
+            int i[3];
+        } bits = { { best.distance(ray), best.u, best.v } };
+        out[0] = bits.i[0];
         out[1] = best.instance;
         out[2] = best.face;
-        out[3] = k[1];
-        out[4] = k[2];
+        out[3] = bits.i[1];
+        out[4] = bits.i[2];
         return out;
     }
     WR_FN bool solve(const World& w, wp::vec3 o, wp::vec3 d, float t_max, float t_after, int instance_after,

@@ -119,7 +119,7 @@ class MeshTree:
         if clean is not self._clean:
             wp.copy(self._clean, clean)
         if self._scaled is not self.points:
-            wp.launch(_scale_points, len(self.points), [0, self.points, self.scale], [self._scaled], self.device)
+            wp.launch(_scale_points, len(self.points), [0, self.points, self.scale], [self._scaled], device=self.device)
         self.mesh.refit()
         self.box = _finite_box(self._scaled)
 
@@ -259,7 +259,7 @@ def _scaled(points, scale):
     if scale == 1.0:
         return points
     out = wp.empty_like(points)
-    wp.launch(_scale_points, len(points), [0, points, scale], [out], points.device)
+    wp.launch(_scale_points, len(points), [0, points, scale], [out], device=points.device)
     return out
 
 
