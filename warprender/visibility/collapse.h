@@ -26,41 +26,40 @@ struct Collapse {
     // Fewest expected node visits by the surface area heuristic (Ylitie, Karras, Laine 2017, section 3).
     WR_FN void plan(const wp::BVH& tree, int node, Plan* plans)
     {
+        typedef int Eight __attribute__((ext_vector_type(8)));
         Plan& p = plans[node];
-        for (int k = 0; k < Wide::slots; ++k) {
-            p.cost[k] = 0.0f;
-            p.left[k] = 0;
-        }
+        p = {};
         if (is_leaf(tree, node))
             return;
         const Plan &l = plans[left_of(tree, node)], &r = plans[right_of(tree, node)];
-        for (int k = 1; k < Wide::slots; ++k) {
-            p.cost[k] = Bound::infinity();
-            for (int i = 0; i < k; ++i) {
-                float c = l.cost[i] + r.cost[k - 1 - i];
-                p.left[k] = c < p.cost[k] ? i + 1 : p.left[k];
-                p.cost[k] = Bound::smaller(c, p.cost[k]);
-            }
+        float right[2 * Wide::slots];  // costs of the right child after as many impossible ones
+        for (int k = 0; k < Wide::slots; ++k) {
+            right[k] = Bound::infinity();
+            right[k + Wide::slots] = r.cost[k];
         }
-        p.cost[0] = p.cost[Wide::slots - 1] + area(tree, node);
-        for (int k = 1; k < Wide::slots; ++k)
-            if (p.cost[k - 1] <= p.cost[k]) {
-                p.cost[k] = p.cost[k - 1];
-                p.left[k] = 0;
-            }
+        Wide::Eight cost = Bound::infinity();
+        Eight left = 0;
+        for (int i = 1; i < Wide::slots; ++i) {
+            Wide::Eight c = Wide::eight(right + Wide::slots - i) + l.cost[i - 1];
+            left = c < cost ? i : left;
+            cost = c < cost ? c : cost;
+        }
+        p.cost[0] = cost[Wide::slots - 1] + area(tree, node);
+        for (int k = 1; k < Wide::slots; ++k) {
+            bool more = cost[k] < p.cost[k - 1];
+            p.cost[k] = more ? cost[k] : p.cost[k - 1];
+            p.left[k] = more ? left[k] : 0;
+        }
     }
-    // All plans, children first.
-    WR_FN void plan_all(const wp::BVH& tree, Plan* plans, int* order)
+    // All plans, children first: Warp numbers parents before their children. False if this tree does not.
+    WR_FN bool plan_all(const wp::BVH& tree, Plan* plans)
     {
-        int count = 0;
-        order[count++] = *tree.root;
-        for (int i = 0; i < count; ++i)
-            if (!is_leaf(tree, order[i])) {
-                order[count++] = left_of(tree, order[i]);
-                order[count++] = right_of(tree, order[i]);
-            }
-        while (count)
-            plan(tree, order[--count], plans);
+        for (int node = tree.num_nodes - 1; node >= 0; --node) {
+            if (!is_leaf(tree, node) && (left_of(tree, node) <= node || right_of(tree, node) <= node))
+                return false;
+            plan(tree, node, plans);
+        }
+        return true;
     }
     // The binary nodes whose boxes one wide node holds.
     WR_FN int members(const wp::BVH& tree, const Plan* plans, int node, int* slot)
@@ -108,9 +107,9 @@ struct Collapse {
         item[end - begin - 1] |= 0x80000000;
         return end - begin;
     }
-    // Writes which node holds what, parents first, but no boxes (see Refit). Leaves are blocks of faces or, where
-    // blocks is null, items. counts: nodes, blocks or items, depth.
-    WR_FN void layout(const wp::BVH& tree, Plan* plans, int* order, Wide::Node* nodes, Wide::Block* blocks, int* items,
+    // Writes which node holds what, parents first, but no boxes (see Refit). Leaves are blocks of faces, each
+    // leaf's last one with its node and slot in slots, or, where blocks is null, items. counts: nodes, blocks or items, depth; depth 0: the tree is not as expected.
+    WR_FN void layout(const wp::BVH& tree, Plan* plans, Wide::Node* nodes, Wide::Block* blocks, int* items, int* slots,
         int* counts)
     {
         struct Task {
@@ -118,7 +117,8 @@ struct Collapse {
         };
         Task todo[Wide::stack];
         int waiting = 0, n_nodes = 1, n_leaves = 0, depth = 0;
-        plan_all(tree, plans, order);
+        if (!plan_all(tree, plans))
+            return;
         todo[waiting++] = { *tree.root, 0, 1 };
         while (waiting) {
             Task task = todo[--waiting];
@@ -133,6 +133,8 @@ struct Collapse {
                     n.child[k] = ~n_leaves;
                     n_leaves += blocks ? faces(tree, begin, end, blocks + n_leaves)
                                        : instances(tree, begin, end, items + n_leaves);
+                    if (blocks)
+                        slots[n_leaves - 1] = task.wide * Wide::slots + k;
                 } else if (k < count) {
                     n.child[k] = n_nodes;
                     todo[waiting++] = { slot[k], n_nodes++, task.depth + 1 };
@@ -174,49 +176,69 @@ struct Refit {
         for (int i = 0; i < 6; ++i)
             n.plane[i][k] = box.plane[i];
     }
-    // Fills one lane; false: the face has a repeated or a non-finite vertex and is left out.
-    WR_FN bool corner(Wide::Block& block, int k, const int* index, const wp::vec3* points, float scale, Box& box)
+    // The points of one lane's face; false: one is repeated or not finite, and the face is left out.
+    WR_FN bool gather(const int* index, const wp::vec3* points, float scale, float p[3][3])
     {
-        float check = 0.0f, p[3][3];
+        float check = 0.0f;
         for (int i = 0; i < 3; ++i)
             for (int a = 0; a < 3; ++a) {
                 p[i][a] = points[index[i]][a] * scale;
-                check += p[i][a] - p[i][a];
+                check += p[i][a] * 0.0f;
             }
-        bool good = check == 0.0f && index[0] != index[1] && index[1] != index[2] && index[2] != index[0];
-        for (int i = 0; i < 3; ++i) {
-            for (int a = 0; a < 3; ++a)
-                block.corner[i][a][k] = good ? p[i][a] : __builtin_nanf("");
-            if (good)
-                grow(box, p[i], p[i]);
-        }
-        return good;
+        return check == 0.0f && index[0] != index[1] && index[1] != index[2] && index[2] != index[0];
     }
-    // The triangles and the boxes of all leaves of nodes [first, end); the number of faces left out.
-    WR_FN int leaves(Wide::Node* nodes, Wide::Block* blocks, const wp::vec3* points, const int* indices, float scale,
-        int first, int end)
+    // Fills a block and its box; the number of faces left out.
+    WR_FN int fill(Wide::Block& block, const wp::vec3* points, const int* indices, float scale, Box& box)
     {
         int dropped = 0;
-        for (int n = first; n < end; ++n)
-            for (int k = 0; k < Wide::slots; ++k) {
-                if (nodes[n].child[k] >= 0)
-                    continue;
-                Box box = nothing();
-                Wide::Block* block = blocks + ~nodes[n].child[k];
-                for (bool last = false; !last; ++block) {
-                    last = block->face[0] < 0;
-                    for (int i = 0; i < Wide::lanes; ++i) {
-                        int face = block->face[i] & Wide::no_face;
-                        if (face != Wide::no_face)
-                            dropped += !corner(*block, i, indices + 3 * face, points, scale, box);
-                        else
-                            for (int j = 0; j < 9; ++j)
-                                block->corner[j / 3][j % 3][i] = __builtin_nanf("");
-                    }
-                }
-                store(nodes[n], k, box);
+        for (int i = 0; i < Wide::lanes; ++i) {
+            int face = block.face[i] & Wide::no_face;
+            float p[3][3];
+            bool present = face != Wide::no_face, good = present && gather(indices + 3 * face, points, scale, p);
+            dropped += present && !good;
+            for (int j = 0; j < 9; ++j)
+                block.corner[j / 3][j % 3][i] = good ? p[j / 3][j % 3] : __builtin_nanf("");
+        }
+        for (int a = 0; a < 3; ++a) {
+            Wide::Four lower = Bound::infinity(), upper = -Bound::infinity();
+            for (int i = 0; i < 3; ++i) {
+                Wide::Four c = Wide::four(block.corner[i][a]);
+                lower = Wide::smaller(c, lower);
+                upper = Wide::larger(c, upper);
             }
+            box.plane[a] = Bound::smaller(__builtin_reduce_min(lower), box.plane[a]);
+            box.plane[a + 3] = Bound::larger(__builtin_reduce_max(upper), box.plane[a + 3]);
+        }
         return dropped;
+    }
+    // The triangles and the boxes of all leaves that begin in blocks [first, end) of count; the number of faces left
+    // out. Faces come in no order of memory, so their indices and points are asked for some blocks ahead.
+    WR_FN int leaves(Wide::Node* nodes, Wide::Block* blocks, const int* slots, const wp::vec3* points,
+        const int* indices, float scale, int first, int end, int count)
+    {
+        int dropped = 0;
+        Box box = nothing();
+        while (first < end && first > 0 && blocks[first - 1].face[0] >= 0)
+            ++first;
+        for (int b = first; b < end || (b < count && b > first && blocks[b - 1].face[0] >= 0); ++b) {
+            ask(blocks, indices, points, b, count);
+            dropped += fill(blocks[b], points, indices, scale, box);
+            if (blocks[b].face[0] < 0) {
+                store(nodes[slots[b] / Wide::slots], slots[b] % Wide::slots, box);
+                box = nothing();
+            }
+        }
+        return dropped;
+    }
+    WR_FN void ask(const Wide::Block* blocks, const int* indices, const wp::vec3* points, int b, int count)
+    {
+        for (int i = 0; i < Wide::lanes && b + 8 < count; ++i) {
+            int later = blocks[b + 8].face[i] & Wide::no_face, soon = blocks[b + 4].face[i] & Wide::no_face;
+            if (later != Wide::no_face)
+                __builtin_prefetch(indices + 3 * later);
+            for (int k = 0; k < 3 && soon != Wide::no_face; ++k)
+                __builtin_prefetch(points + indices[3 * soon + k]);
+        }
     }
     // The boxes of all leaves of instances.
     WR_FN void items(Wide::Node* nodes, const int* item, const wp::vec3* lowers, const wp::vec3* uppers, int count)

@@ -144,18 +144,18 @@ def occluded_batch(
     _COLLAPSE
     + """
     const wp::BVH tree = kind == 0 ? wp::mesh_get(id).bvh : wp::bvh_get(id);
-    Collapse::layout(tree, (Collapse::Plan*)(plans), order.data, (Wide::Node*)(nodes), (Wide::Block*)(blocks),
-        (int*)(items), counts.data);
+    Collapse::layout(tree, (Collapse::Plan*)(plans), (Wide::Node*)(nodes), (Wide::Block*)(blocks),
+        (int*)(items), slots.data, counts.data);
 """
 )
 def collapse(
     kind: wp.int32,  # 0: id is a wp.Mesh, 1: a wp.Bvh
     id: wp.uint64,
     plans: wp.uint64,
-    order: wp.array(dtype=wp.int32),
     nodes: wp.uint64,
     blocks: wp.uint64,
     items: wp.uint64,
+    slots: wp.array(dtype=wp.int32),
     counts: wp.array(dtype=wp.int32),
 ):
     """Lay out the wide nodes of a tree; their boxes are left to the refit (CPU)."""
@@ -165,19 +165,22 @@ def collapse(
 @wp.func_native(
     _COLLAPSE
     + """
-    return Refit::leaves((Wide::Node*)(nodes), (Wide::Block*)(blocks), points.data, indices.data, scale, first, end);
+    return Refit::leaves((Wide::Node*)(nodes), (Wide::Block*)(blocks), slots.data, points.data, indices.data, scale,
+        first, end, count);
 """
 )
 def refit_leaves(
     nodes: wp.uint64,
     blocks: wp.uint64,
+    slots: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3),
     indices: wp.array(dtype=wp.int32),
     scale: wp.float32,
     first: wp.int32,
     end: wp.int32,
+    count: wp.int32,
 ) -> wp.int32:
-    """Copy the points of nodes [first, end)'s triangles and box them; the number of faces left out (CPU)."""
+    """Copy the points of the leaves that begin in blocks [first, end) and box them; the faces left out (CPU)."""
     ...
 
 

@@ -7,7 +7,7 @@ from ..launch import launch
 from . import native
 from ._records_draft import MESH, SPHERE, Geometry, Instance, World
 
-NODES_PER_ITEM = 256  # wide nodes that one item of the refit fills
+BLOCKS_PER_ITEM = 512  # blocks of triangles that one item of the refit fills
 CACHE_LINE = 64
 REBUILD_AT = 2.0  # refit trees lose quality: rebuild when a ray is expected to visit this many times more
 
@@ -28,16 +28,16 @@ class _WideTree:
     def __init__(self, kind, tree_id, leaves):
         inner = max(leaves, 1)
         plans = _Memory(2 * leaves * native.PLAN_BYTES)
-        order = wp.empty(2 * leaves, dtype=wp.int32, device="cpu")
         counts = wp.zeros(3, dtype=wp.int32, device="cpu")
         self.nodes = _Memory(inner * native.NODE_BYTES)
         self.leaves = _Memory(leaves * (native.BLOCK_BYTES if kind == 0 else 4))
         blocks, items = (self.leaves.address, 0) if kind == 0 else (0, self.leaves.address)
-        arguments = [kind, tree_id, plans.address, order, self.nodes.address, blocks, items, counts]
+        self.slots = wp.empty(leaves if kind == 0 else 0, dtype=wp.int32, device="cpu")
+        arguments = [kind, tree_id, plans.address, self.nodes.address, blocks, items, self.slots, counts]
         wp.launch(_collapse, dim=1, inputs=arguments, device="cpu")
-        self.count, _, depth = (int(n) for n in counts.numpy())
-        if depth > native.MAX_DEPTH:
-            raise RuntimeError(f"a tree of depth {depth} exceeds the walk's stack")
+        self.count, self.blocks, depth = (int(n) for n in counts.numpy())
+        if not 0 < depth <= native.MAX_DEPTH:
+            raise RuntimeError("Warp built a tree that the watertight walk cannot read")
         self.summary = wp.zeros(7, dtype=wp.float32, device="cpu")
 
     def box_inner(self):
@@ -125,10 +125,10 @@ class MeshTree:
 
     def _fill(self):
         wide = self._wide
-        items = -(-wide.count // NODES_PER_ITEM)
+        items = -(-wide.blocks // BLOCKS_PER_ITEM)
         dropped = wp.zeros(items, dtype=wp.int32, device="cpu")
-        arguments = [wide.nodes.address, wide.leaves.address, self.points, self.indices, self.scale, wide.count]
-        launch(_refit_leaves, items, arguments, [dropped], "cpu", self.threads)
+        tree = [wide.nodes.address, wide.leaves.address, wide.slots]
+        launch(_refit_leaves, items, [*tree, self.points, self.indices, self.scale, wide.blocks], [dropped], "cpu", self.threads)
         wide.box_inner()
         self.dropped = int(dropped.numpy().sum())
         self.box = wide.box
@@ -358,13 +358,13 @@ def _collapse(
     kind: wp.int32,
     tree: wp.uint64,
     plans: wp.uint64,
-    order: wp.array(dtype=wp.int32),
     nodes: wp.uint64,
     blocks: wp.uint64,
     items: wp.uint64,
+    slots: wp.array(dtype=wp.int32),
     counts: wp.array(dtype=wp.int32),
 ):
-    native.collapse(kind, tree, plans, order, nodes, blocks, items, counts)
+    native.collapse(kind, tree, plans, nodes, blocks, items, slots, counts)
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -372,6 +372,7 @@ def _refit_leaves(
     first: wp.int32,
     nodes: wp.uint64,
     blocks: wp.uint64,
+    slots: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3),
     indices: wp.array(dtype=wp.int32),
     scale: wp.float32,
@@ -379,9 +380,9 @@ def _refit_leaves(
     dropped: wp.array(dtype=wp.int32),
 ):
     i = first + wp.tid()
-    begin = i * wp.static(NODES_PER_ITEM)
-    end = wp.min(begin + wp.static(NODES_PER_ITEM), count)
-    dropped[i] = native.refit_leaves(nodes, blocks, points, indices, scale, begin, end)
+    begin = i * wp.static(BLOCKS_PER_ITEM)
+    end = wp.min(begin + wp.static(BLOCKS_PER_ITEM), count)
+    dropped[i] = native.refit_leaves(nodes, blocks, slots, points, indices, scale, begin, end, count)
 
 
 @wp.kernel(enable_backward=False, module="unique")
