@@ -97,9 +97,10 @@ class MaterialTables:
             for name, source in material.varying().values():
                 if not isinstance(source, Texture):
                     continue
-                for _, file in self._sources(source, f"{key}: {name}"):
-                    if _picture_key(file, source) not in wanted and (size := self._size(file, f"{key}: {name}")):
-                        wanted[_picture_key(file, source)] = f"{key}: {name}", source, file
+                owner = source.prim or f"{key}: {name}"
+                for _, file in self._sources(source, owner):
+                    if _picture_key(file, source) not in wanted and (size := self._size(file, owner)):
+                        wanted[_picture_key(file, source)] = owner, source, file
                         sizes.append(size)
         halvings = halvings_within(sizes, budget)
         for (key, (owner, texture, file)), count in zip(wanted.items(), halvings, strict=True):

@@ -48,6 +48,7 @@ class Texture:
         fallback: stands for the result, scale and bias included, where the file cannot be read.
         st: where the texture coordinates come from; two numbers see one place.
         transform: (2, 3), coordinates on the picture are transform · (s, t, 1).
+        prim: the node's path, to name it in warnings.
     """
 
     file: str | np.ndarray
@@ -60,6 +61,7 @@ class Texture:
     fallback: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
     st: PrimvarReader | tuple[float, float] = field(default_factory=lambda: PrimvarReader("st", (0.0, 0.0)))
     transform: np.ndarray = field(default_factory=lambda: np.eye(2, 3))
+    prim: str = ""
 
     def __post_init__(self) -> None:
         self.transform = np.asarray(self.transform, np.float64).reshape(2, 3)

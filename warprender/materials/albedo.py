@@ -12,7 +12,7 @@ import warp as wp
 
 from .microfacet import SMALLEST_ALPHA, schlick_weight
 
-#: Entries along √cosine and along the roughness (√alpha), both uniform from 0 to 1: albedos bend most at grazing angles.
+#: Entries along √cosine and along the roughness (√alpha), both uniform from 0 to 1; grazing angles bend most.
 SIZE = 32
 _SAMPLES = 1024
 

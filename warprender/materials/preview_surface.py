@@ -165,7 +165,7 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
         if presence and opacity <= 0.0:
             return bsdf
 
-        bsdf.emission = wp.max(row_of(values, EMISSIVE_COLOR), wp.vec3(0.0, 0.0, 0.0))
+        bsdf.emission = row_of(values, EMISSIVE_COLOR)
         r = (1.0 - values[IOR, 0]) / (1.0 + values[IOR, 0])
         bsdf.coat_f0 = wp.min(r * r, 1.0)
         bsdf.f90 = wp.vec3(1.0, 1.0, 1.0)

@@ -64,6 +64,7 @@ def _read_texture(reading: Reading, node: UsdShade.Shader, channel: str) -> Text
         fallback=fallback,
         st=st,
         transform=transform[:2],
+        prim=str(node.GetPath()),
     )
 
 
