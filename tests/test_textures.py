@@ -26,7 +26,7 @@ def look_up(scene: DeviceScene, st: wp.array2d(dtype=wp.float32), axes: wp.vec4,
     place.st = wp.vec2(st[i, 0], st[i, 1])
     place.along = wp.vec2(axes[0], axes[1])
     place.across = wp.vec2(axes[2], axes[3])
-    out[i] = texture_at(scene, scene.inputs[0], place)
+    out[i] = texture_at(scene, 0, place)
 
 
 def seen(texture: Texture, st, axes=(0, 0, 0, 0), tables: MaterialTables | None = None) -> np.ndarray:

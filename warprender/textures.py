@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from .images import Picture, exists, picture_header, read_picture
-from .records import DeviceScene, InputRecord
+from .records import DeviceScene
 from .texels import FORMAT_IDS, file_range, picture_range
 
 #: Wrap modes in the order of their ids on the device; "useMetadata" becomes one of them.
@@ -333,21 +333,21 @@ def picture_at(scene: DeviceScene, picture: int, place: Footprint, wrap_s: int, 
 
 
 @wp.func
-def texture_at(scene: DeviceScene, source: InputRecord, place: Footprint) -> wp.vec4:
+def texture_at(scene: DeviceScene, node: int, place: Footprint) -> wp.vec4:
     """Result of a texture node for coordinates before its transform: texel, scale and bias, or the fallback."""
     moved = Footprint()
-    moved.st = source.linear * place.st + source.offset
-    moved.along = source.linear * place.along
-    moved.across = source.linear * place.across
-    picture = source.picture
-    if source.tiles >= 0:
+    moved.st = scene.inputs[node].linear * place.st + scene.inputs[node].offset
+    moved.along = scene.inputs[node].linear * place.along
+    moved.across = scene.inputs[node].linear * place.across
+    picture = scene.inputs[node].picture
+    if scene.inputs[node].tiles >= 0:
         column = wp.floor(moved.st[0])
         row = wp.floor(moved.st[1])
         picture = wp.int32(-1)
         if column >= 0.0 and column < 10.0 and row >= 0.0 and row < 10.0:
-            picture = scene.tiles[source.tiles + wp.int32(row) * 10 + wp.int32(column)]
+            picture = scene.tiles[scene.inputs[node].tiles + wp.int32(row) * 10 + wp.int32(column)]
             moved.st = moved.st - wp.vec2(column, row)
     if picture < 0:
-        return source.fallback
-    value = picture_at(scene, picture, moved, source.wrap_s, source.wrap_t)
-    return wp.cw_mul(value, source.scale) + source.bias
+        return scene.inputs[node].fallback
+    value = picture_at(scene, picture, moved, scene.inputs[node].wrap_s, scene.inputs[node].wrap_t)
+    return wp.cw_mul(value, scene.inputs[node].scale) + scene.inputs[node].bias

@@ -109,7 +109,7 @@ def input_function(features: tuple[str, ...]) -> wp.Function:
         if wp.static(with_textures):
             if scene.inputs[node].picture >= 0 or scene.inputs[node].tiles >= 0:
                 width = surface.footprint * scene.inputs[node].footprint
-                value = texture_at(scene, scene.inputs[node], footprint_at(scene, surface, slot, value, width))
+                value = texture_at(scene, node, footprint_at(scene, surface, slot, value, width))
                 slot = -1
         if slot >= 0:
             value = primvar_at(scene, surface, slot, value)
