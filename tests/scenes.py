@@ -53,7 +53,9 @@ def camera(eye, target=(0.0, 0.0, 0.0), fov=40.0, up=(0.0, 1.0, 0.0), **fields):
     """A square camera with this field of view in degrees."""
     aperture = 2 * 50.0 * np.tan(np.radians(fov) / 2)
     fields = {"clippingRange": (1e-3, 1e6), **fields}
-    return wr.Camera(horizontalAperture=aperture, verticalAperture=aperture, transform=look_at(eye, target, up), **fields)
+    return wr.Camera(
+        horizontalAperture=aperture, verticalAperture=aperture, transform=look_at(eye, target, up), **fields
+    )
 
 
 def window(size, eye=(0.0, 0.0, 5.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), **fields):

@@ -79,7 +79,7 @@ def sampled(material, wo, n=1 << 15, seed=0):
 
 
 def weights(samples):
-    """f cos θ / pdf of each sample: (N, 3), 0 where it was absorbed."""
+    """F cos θ / pdf of each sample: (N, 3), 0 where it was absorbed."""
     weight = samples["diffuse"].astype(float) + samples["specular"]
     return np.where((samples["event"] == ABSORB)[:, None], 0.0, weight)
 
@@ -129,7 +129,9 @@ def test_directions_are_distributed_as_their_pdf(look):
     phi = (np.arange(bins[1] * fine) + 0.5) / (bins[1] * fine) * 2 * np.pi - np.pi
     grid = towards(np.cos(theta)[:, None], phi[None, :]).reshape(-1, 3)
     for cosine in COSINES:
-        pdf = evaluated(LOOKS[look], towards(cosine), grid)["pdf"].reshape(len(theta), len(phi)) * np.sin(theta)[:, None]
+        pdf = (
+            evaluated(LOOKS[look], towards(cosine), grid)["pdf"].reshape(len(theta), len(phi)) * np.sin(theta)[:, None]
+        )
         cells = pdf.astype(float).reshape(bins[0], fine, bins[1], fine).mean((1, 3))
         probabilities = cells * (np.pi**2 / (bins[0] * bins[1]))
         samples = sampled(LOOKS[look], towards(cosine), n)
@@ -197,7 +199,9 @@ def test_smooth_glass_reflects_and_lets_through_all(cosine):
     weight, chance = weights(samples)[:, 0], fresnel
     np.testing.assert_allclose(weight, 1.0, atol=2e-6)
     assert abs(reflected.mean() - chance) < SIGMAS * np.sqrt(chance * (1 - chance) / 4096) + 1e-5
-    np.testing.assert_allclose(samples["direction"][reflected], np.tile(towards(cosine) * (-1, -1, 1), (reflected.sum(), 1)), atol=1e-7)
+    np.testing.assert_allclose(
+        samples["direction"][reflected], np.tile(towards(cosine) * (-1, -1, 1), (reflected.sum(), 1)), atol=1e-7
+    )
 
 
 def test_transparent_fades_the_diffuse_part_and_presence_all_of_it():
@@ -230,7 +234,9 @@ def test_roughness_below_a_delta_lobes_is_a_mirror():
         samples = sampled(wr.PreviewSurface(metallic=1.0, roughness=roughness), towards(0.6), 64)
         assert (samples["event"] == DELTA).all() and (samples["pdf"] == 0).all()
         np.testing.assert_allclose(samples["specular"], 0.18, rtol=1e-6)
-        assert (evaluated(wr.PreviewSurface(metallic=1.0, roughness=roughness), towards(0.6), hemisphere(64))["pdf"] == 0).all()
+        assert (
+            evaluated(wr.PreviewSurface(metallic=1.0, roughness=roughness), towards(0.6), hemisphere(64))["pdf"] == 0
+        ).all()
 
 
 @pytest.mark.parametrize("look", ["plastic", "metal", "coated", "glass", "delta coat"])

@@ -85,9 +85,7 @@ def test_an_integrating_sphere_with_its_light_off_centre():
 
 def test_a_closed_box_of_glowing_mirrors_sums_the_geometric_series():
     # Each wall emits e and mirrors ρ of what it gets, at every angle: e / (1 - ρ).
-    glow = wr.PreviewSurface(
-        metallic=1.0, roughness=0.0, diffuseColor=(0.2, 0.5, 0.8), emissiveColor=(0.3, 0.2, 0.1)
-    )
+    glow = wr.PreviewSurface(metallic=1.0, roughness=0.0, diffuseColor=(0.2, 0.5, 0.8), emissiveColor=(0.3, 0.2, 0.1))
     scene = wr.Scene()
     scene.add_mesh("/box", *scenes.cube(4.0), material=glow)
     color, error = picture(scene, scenes.camera((0.3, 0.2, 0.1), (1, 0.3, -1)), 12, 256, camera_light="off")

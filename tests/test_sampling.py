@@ -78,7 +78,9 @@ def test_neighbours_are_not_correlated():
 
 def mapped(func, dtype, *inputs):
     """A wp.func of one or two arguments over arrays."""
-    types = [{1: wp.float32, 2: wp.vec2, 3: wp.vec3}[np.ndim(v) and np.shape(v)[-1] if np.ndim(v) > 1 else 1] for v in inputs]
+    types = [
+        {1: wp.float32, 2: wp.vec2, 3: wp.vec3}[np.ndim(v) and np.shape(v)[-1] if np.ndim(v) > 1 else 1] for v in inputs
+    ]
     arrays = [wp.array(np.asarray(v, np.float32), dtype=t) for v, t in zip(inputs, types, strict=True)]
     out = wp.empty(len(arrays[0]), dtype=dtype)
     if len(types) == 1:
@@ -167,11 +169,15 @@ def test_filters_are_sampled_by_their_shape(name):
     edges = np.linspace(-radius, radius, 41)
     fine = np.linspace(-radius, radius, 40 * 64 + 1)
     middle = (fine[1:] + fine[:-1]) / 2
-    density = {
-        "box": np.ones_like(middle),
-        "triangle": 1 - np.abs(middle),
-        "gaussian": np.exp(-2 * middle**2) - np.exp(-2 * radius**2),
-    }[name].reshape(40, 64).sum(1)
+    density = (
+        {
+            "box": np.ones_like(middle),
+            "triangle": 1 - np.abs(middle),
+            "gaussian": np.exp(-2 * middle**2) - np.exp(-2 * radius**2),
+        }[name]
+        .reshape(40, 64)
+        .sum(1)
+    )
     # 2^16 draws resolve 1 % of a bin; the table's straight pieces are nearer to the curve than that.
     counts, _ = np.histogram(x[: 1 << 16], edges)
     assert chi_square(counts, density / density.sum(), 1 << 16) > 1e-5

@@ -1,6 +1,6 @@
 """Runs in an environment with Mitsuba: renders scene.json of a folder and keeps mean and standard error.
 
-    python reference.py FOLDER SAMPLES
+python reference.py FOLDER SAMPLES
 """
 
 import json
