@@ -10,9 +10,9 @@ from pictures import mean_and_error, picture, prepare
 
 import warprender as wr
 
-ASSETS = Path(__file__).parent.parent.parent / "shared" / "usd_assets" / "lux_analytic"
-if not ASSETS.exists():
-    ASSETS = Path("/work/shared/usd_assets/lux_analytic")
+#: In `shared`, beside the repository or above it.
+ASSETS = [p / "shared" / "usd_assets" / "lux_analytic" for p in Path(__file__).parents]
+ASSETS = next((path for path in ASSETS if path.exists()), None)
 
 
 def floor(scene, albedo=0.5, size=20.0, **look):
@@ -45,7 +45,7 @@ LUX = {"disk_unnormalized": 0.246575, "rect_normalized": 0.228879, "sphere_expos
 LUX |= {"distant_normalized": 0.477465, "dome_constant": 0.4}
 
 
-@pytest.mark.skipif(not ASSETS.exists(), reason="../shared/usd_assets is not here")
+@pytest.mark.skipif(ASSETS is None, reason="../shared/usd_assets is not here")
 @pytest.mark.parametrize("name", LUX)
 def test_lux_analytic(name):
     scene = wr.load(str(ASSETS / f"{name}.usda"))
