@@ -126,6 +126,20 @@ def test_a_lamp_may_lie_on_a_ceiling(height):
     assert_mean(*picture(scene, view, 16, 256), expected)
 
 
+@pytest.mark.parametrize("height", [0.6, 0.8, 1.0])
+def test_a_lamp_on_a_window_is_seen_once(height):
+    # Neither missed nor met on both sides of a clear surface that it lies in.
+    scene = wr.Scene()
+    floor(scene, material=wr.PreviewSurface(metallic=1.0, diffuseColor=(0.5,) * 3, roughness=0.0))
+    points, faces = scenes.quad(6.0)
+    window = wr.DisplayColor((0, 0, 0), opacity=0.0)
+    scene.add_mesh("/window", points[:, [0, 2, 1]] + (0, height, 0), faces, material=window)
+    scene.add_light(wr.RectLight(width=4.0, height=4.0, intensity=3.0), pose=facing_down(0, height))
+    view = scenes.camera((0, 0.5, 0.5), fov=20.0)
+    color, _ = picture(scene, view, 8, 64)
+    np.testing.assert_allclose(color[..., :3], 1.5, rtol=1e-6)
+
+
 def test_no_light_is_lost_between_many():
     # Ten lights and a dome: what one of them gives does not depend on how it is chosen.
     scene = wr.Scene()
