@@ -87,8 +87,8 @@ class Upload:
         """Instance records of a placement and their world boxes (K, 2, 3), singular transforms left out."""
         linear = placement.transforms[:, :3, :3].swapaxes(1, 2)
         translation = placement.transforms[:, 3, :3]
-        with np.errstate(all="ignore"):
-            good = np.isfinite(placement.transforms).all((1, 2)) & (np.linalg.cond(linear) < 1e12)
+        inverse, condition = _inverses(linear)
+        good = np.isfinite(placement.transforms).all((1, 2)) & (condition < 1e12)
         if not good.all():
             self.warnings.append(f"{path}: {int((~good).sum())} singular or non-finite transforms are not drawn")
         linear, translation = linear[good], translation[good]
@@ -99,7 +99,7 @@ class Upload:
         rows["prim"] = prim
         rows["instance_id"] = placement.instance_ids[good]
         rows["linear"] = linear
-        rows["inverse"] = np.linalg.inv(linear)
+        rows["inverse"] = inverse[good]
         rows["translation"] = translation - self.origin
         low, high = self._boxes[geometry]
         middle = np.einsum("kij,j->ki", linear, (low + high) / 2) + translation
@@ -227,6 +227,17 @@ def camera_light_at(light: CameraLight, transform: np.ndarray) -> CameraLight:
     light.transform = np.eye(4)
     light.transform[3] = transform[3]
     return light
+
+
+def _inverses(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverses (K, 3, 3) and condition numbers (K,) by cofactors: LAPACK takes ten times as long for a million."""
+    with np.errstate(all="ignore"):
+        scale = np.abs(matrices).max((1, 2), initial=0.0)[:, None, None]
+        a, b, c = np.moveaxis(matrices / scale, 1, 0)
+        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
+        inverses = cofactors / np.einsum("ki,ki->k", a, cofactors[:, :, 0])[:, None, None] / scale
+        condition = np.linalg.norm(matrices, axis=(1, 2)) * np.linalg.norm(inverses, axis=(1, 2))
+    return inverses, condition
 
 
 def _drawable(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
