@@ -71,7 +71,8 @@ def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Call
     """The shape of a prim, read once for all instances that look alike."""
     prim, given = visit.prim, visit.frame.primvars
     subsets = bindings.subset_keys(prim)
-    owner = visit.frame.instancers[-1:] if given else ()
+    # Values by instance are told apart by themselves: they may change in time.
+    owner = tuple((name, primvar.values.tobytes()) for name, primvar in given.items())
     skin = reading.skins.get(str(prim.GetPath()))
     pose = skin.identity() if skin else ()
     key = (shared_prim(prim).GetPath(), inherited_from(prim), subsets, owner, pose)
@@ -83,6 +84,7 @@ def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Call
             faces = len(reading.get(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr()))
             shape.face_materials = bindings.face_materials(prim, faces)
         reading.shapes[key] = shape
+    reading.sources[key] = (prim, skin)
     return reading.shapes[key]
 
 
