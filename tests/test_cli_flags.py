@@ -73,6 +73,7 @@ def test_defaults_are_those_of_usdrecord(recorder, tmp_path, capsys):
             "session_layer": None,
             "complexity": "low",
             "render_settings": None,
+            "draw_modes": True,
         }
     ]
     (renderer,) = recorder.renderers
@@ -93,7 +94,7 @@ def test_every_flag_arrives(recorder):
         "--variant /a:look=red --variant /a:size=big -cam /cam --resolution 8x4 --aov color,depth --aov primId "
         "--filter box --cameraLight on --enableDomeLightVisibility --enableLightVisibility --transport path "
         "--visibility rays --samples 9 --error 0.1 --seconds 2.5 --bounces 0 --seed 5 --threads 2 "
-        "--disableGpu"
+        "--disableGpu --disableDrawMode"
     )
     assert main(["render", *flags.split(), "a.usda", "a.exr"]) == 0
     (load,) = recorder.loads
@@ -106,6 +107,7 @@ def test_every_flag_arrives(recorder):
         "session_layer": "s.usda",
         "complexity": "high",
         "render_settings": "/Render/settings",
+        "draw_modes": False,
     }
     (renderer,) = recorder.renderers
     assert isinstance(renderer.pop("camera"), Camera)

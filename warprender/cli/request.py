@@ -40,6 +40,7 @@ def open_stage(args: argparse.Namespace) -> StageReader:
         session_layer=args.sessionLayer,
         complexity=args.complexity,
         render_settings=args.renderSettingsPrimPath,
+        draw_modes=not args.disableDrawMode,
     )
 
 
