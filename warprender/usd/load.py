@@ -12,7 +12,7 @@ from pxr import Tf, Usd, UsdGeom
 from ..scene import Scene, SceneError
 from .binding import Bindings
 from .cameras import read_cameras
-from .placing import place_lights, place_shape
+from .placing import mark_sound, place_lights, place_shape
 from .reading import Diagnostics, Reading, one_line
 from .settings import read_settings
 from .skeletons import find_skins
@@ -139,6 +139,7 @@ def _read(reading: Reading, render_settings: str | None) -> None:
     read_settings(reading, render_settings)
     reading.skins = find_skins(reading)
     visits = list(walk(reading))
+    mark_sound(visits)
     shapes = [v for v in visits if v.prim.IsA(UsdGeom.Gprim) or v.draw_mode != "default"]
     bindings = Bindings(reading)
     bindings.resolve([v.prim for v in shapes])

@@ -47,9 +47,10 @@ def place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
         reading.remark(prim, "it does not shine yet as MeshLightAPI asks")
     skin = reading.skins.get(str(prim.GetPath()))
     if skin and skin.has_joints:
-        visit = replace(visit, local=to_skeleton(skin, prim, visit.local, reading.time))
+        visit = replace(visit, local=to_skeleton(skin, prim, visit.local, reading.time), is_sound=False)
     if prim.IsA(UsdGeom.Points):
-        visit = replace(visit, local=np.eye(4), frame=points_frame(reading, UsdGeom.Points(prim), visit))
+        frame = points_frame(reading, UsdGeom.Points(prim), visit)
+        visit = replace(visit, local=np.eye(4), frame=frame, is_sound=False)
     transforms, ids = _drawable_copies(reading, visit)
     shape = _shared_shape(reading, visit, bindings, read) if len(transforms) else None
     if shape is None:
@@ -100,16 +101,33 @@ def place_lights(reading: Reading, visit: Visit) -> None:
         reading.scene.lights[name] = replace(light, transform=transform)
 
 
+def mark_sound(visits: list[Visit]) -> None:
+    """Find the prims that stand once in the world with a good transform: all at once, one by one takes long."""
+    single = [visit for visit in visits if not visit.frame.instancers]
+    if single:
+        transforms = np.stack([visit.local for visit in single])
+        sound = _is_drawable(transforms) & (transforms[:, :, 3] == (0, 0, 0, 1)).all(1)
+        for visit, is_sound in zip(single, sound, strict=True):
+            visit.is_sound = bool(is_sound)
+
+
+def _is_drawable(transforms: np.ndarray) -> np.ndarray:
+    """(K,) bool, whether transforms (K, 4, 4) are finite and do not flatten space."""
+    scales = np.linalg.norm(transforms[:, :3, :3], axis=2)
+    with np.errstate(all="ignore"):
+        volume = np.abs(np.linalg.det(transforms[:, :3, :3])) / scales.prod(1)
+    return np.isfinite(transforms).all((1, 2)) & (scales > 0).all(1) & (volume > 1e-15)
+
+
 def _drawable_copies(reading: Reading, visit: Visit) -> tuple[np.ndarray, np.ndarray]:
     """Transforms (K, 4, 4) and instance ids (K,) without those that are not finite or flatten space."""
+    if visit.is_sound:
+        return visit.local[None].copy(), visit.frame.ids
     transforms = visit.transforms()
     if (transforms[:, :, 3] != (0, 0, 0, 1)).any() and np.isfinite(transforms[:, :, 3]).all():
         reading.remark(visit.prim, "its transform is not affine; the last column is ignored")
         transforms[:, :, 3] = (0, 0, 0, 1)
-    scales = np.linalg.norm(transforms[:, :3, :3], axis=2)
-    with np.errstate(all="ignore"):
-        volume = np.abs(np.linalg.det(transforms[:, :3, :3])) / scales.prod(1)
-    good = np.isfinite(transforms).all((1, 2)) & (scales > 0).all(1) & (volume > 1e-15)
+    good = _is_drawable(transforms)
     if good.all():
         return transforms, visit.frame.ids
     reading.remark(visit.prim, f"{np.sum(~good)} of {len(good)} transforms are singular or not finite")
