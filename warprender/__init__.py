@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
-    from .usd import load
+    from .usd import StageReader, load
 
 __version__ = "0.1.0"
 
@@ -42,6 +42,7 @@ _HOMES = {
     "Scene": "scene",
     "SceneError": "scene",
     "SphereLight": "lights",
+    "StageReader": "usd",
     "load": "usd",
     "render": "renderer",
 }
@@ -61,6 +62,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "SphereLight",
+    "StageReader",
     "load",
     "render",
 ]
