@@ -115,9 +115,10 @@ def next_float(x: float, direction: float) -> float:
 def offset_origin(p: wp.vec3, error: wp.vec3, n: wp.vec3, direction: wp.vec3) -> wp.vec3:
     """Origin of a ray that leaves the surface at p ± error with normal n, on the side of `direction`.
 
-    The box of the error bound is pushed wholly off the tangent plane and rounded away from it (pbrt-v4 §6.8.6).
+    The box of the error bound is pushed wholly off the tangent plane and rounded away from it (pbrt-v4 §6.8.6), but
+    no less than its longest side: a plane through the origin has no error across, and rays in it have along it.
     """
-    reach = wp.dot(wp.abs(n), error)
+    reach = wp.max(wp.dot(wp.abs(n), error), max_component(error))
     offset = n * reach
     if wp.dot(direction, n) < 0.0:
         offset = -offset

@@ -84,7 +84,7 @@ class BsdfValue:
 class BsdfSample:
     """A sampled direction in the shading frame and f · |cos θ| / pdf; pdf 0 marks a delta lobe.
 
-    `event` is one of the EVENT constants.
+    `event` is one of the EVENT constants; `stay` is the probability that it is not EVENT_PASS.
     """
 
     direction: wp.vec3
@@ -92,6 +92,7 @@ class BsdfSample:
     specular: wp.vec3
     pdf: wp.float32
     event: wp.int32
+    stay: wp.float32
 
 
 EVENT_ABSORB = wp.constant(wp.int32(0))

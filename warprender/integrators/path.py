@@ -97,7 +97,9 @@ def shadow_ray(surface: Surface, light: LightSample) -> Ray:
     ray.direction = light.direction
     ray.t_max = INFINITY
     if light.distance < INFINITY:
-        ray.t_max = light.distance - end_margin(surface.position, light.distance)
+        # The light is as far from the surface as it was: what the offset took is not left to go.
+        gone = wp.dot(ray.origin - surface.position, ray.direction)
+        ray.t_max = light.distance - gone - end_margin(surface.position, light.distance)
     return ray
 
 
@@ -237,12 +239,16 @@ def radiance_function(key: PathKey) -> wp.Function:
                     response = value.diffuse * light.diffuse + value.specular * light.specular
                     if max_component(response) > 0.0:
                         density = aimed.pdf * light.choice
+                        chance = density
+                        if wp.static(straight_through):
+                            # Paths that went straight through did not aim: those that stayed stand for them.
+                            chance = density * scattered.stay
                         weight = wp.float32(1.0)
                         if aimed.delta == 0:
                             weight = power_heuristic(density, value.pdf)
                         passed = transmittance(scene, shadow_ray(surface, aimed))
                         result.rays += wp.vec3i(0, 0, 1)
-                        arriving = aimed.radiance * (weight * passed / density)
+                        arriving = aimed.radiance * (weight * passed / chance)
                         result.radiance += wp.cw_mul(wp.cw_mul(throughput, response), arriving)
 
             # 5. Follow the sampled direction, unless it dips below the true surface.
