@@ -16,7 +16,7 @@ SIZE = 16
 
 
 def centres(size=SIZE):
-    """x to the right and y up of the pixel centres of a window of size 2 about the axis."""
+    """X to the right and y up of the pixel centres of a window of size 2 about the axis."""
     c = (np.arange(size) + 0.5) / size * 2 - 1
     return np.meshgrid(c, -c)
 
@@ -102,7 +102,14 @@ def test_the_clipping_range_cuts():
     scene = wr.Scene()
     for distance in (1.0, 2.0, 3.0, 4.0):
         scene.add_mesh(f"/{distance}", *scenes.quad(20.0, -distance))
-    for near, far, seen in ((0.5, 10, 0), (1.0 + 1e-6, 10, 1), (2.5, 10, 2), (2.5, 2.9, -1), (3.5, 4 - 1e-5, -1), (3.5, 4.1, 3)):
+    for near, far, seen in (
+        (0.5, 10, 0),
+        (1.0 + 1e-6, 10, 1),
+        (2.5, 10, 2),
+        (2.5, 2.9, -1),
+        (3.5, 4 - 1e-5, -1),
+        (3.5, 4.1, 3),
+    ):
         view = scenes.camera((0, 0, 0), (0, 0, -1), fov=90.0, clippingRange=(near, far))
         assert (outputs(scene, view, ("primId",), 8)["primId"] == seen).all(), (near, far)
 

@@ -19,7 +19,9 @@ def floor(scene, albedo=0.5, size=20.0, **look):
     """A Lambert floor in the plane y = 0, facing up."""
     s = size / 2
     color = None if "material" in look else (albedo,) * 3
-    return scene.add_mesh("/floor", np.array([(-s, 0, s), (s, 0, s), (s, 0, -s), (-s, 0, -s)]), [[0, 1, 2, 3]], color=color, **look)
+    return scene.add_mesh(
+        "/floor", np.array([(-s, 0, s), (s, 0, s), (s, 0, -s), (-s, 0, -s)]), [[0, 1, 2, 3]], color=color, **look
+    )
 
 
 def above(size=0.01, at=(0.0, 0.0, 0.0)):
@@ -60,7 +62,12 @@ CORNERS = np.array([(-0.5, -0.4, 0), (0.5, -0.4, 0), (0.5, 0.4, 0), (-0.5, 0.4, 
 def test_a_light_and_a_glowing_mesh_of_its_shape_are_alike():
     # The mesh is found by scattered rays alone, the light by aiming at it as well: one irradiance by two estimators.
     place = facing_down(0.3)
-    expected = 0.5 / np.pi * 2.0 * polygon_irradiance(np.zeros(3), np.array([0, 1.0, 0]), CORNERS @ place[:3, :3] + place[3, :3])
+    expected = (
+        0.5
+        / np.pi
+        * 2.0
+        * polygon_irradiance(np.zeros(3), np.array([0, 1.0, 0]), CORNERS @ place[:3, :3] + place[3, :3])
+    )
     lamp = wr.Scene()
     floor(lamp)
     lamp.add_light(wr.RectLight(width=1.0, height=0.8, intensity=2.0), pose=place)
@@ -159,7 +166,12 @@ def test_which_lights_the_camera_sees(options, dome, ball):
     scene = wr.Scene()
     scene.add_light(wr.DomeLight(intensity=1.0))
     scene.add_light(wr.SphereLight(radius=2.0, intensity=2.0))
-    scene.add_mesh("/mirror", *scenes.quad(2.0), material=wr.PreviewSurface(metallic=1, diffuseColor=(1, 1, 1), roughness=0), pose=(4, 0, 0, 0, 0, 0, 1))
+    scene.add_mesh(
+        "/mirror",
+        *scenes.quad(2.0),
+        material=wr.PreviewSurface(metallic=1, diffuseColor=(1, 1, 1), roughness=0),
+        pose=(4, 0, 0, 0, 0, 0, 1),
+    )
     color, _ = picture(scene, scenes.window(12.0, (0, 0, 5)), 12, 16, **options)
     np.testing.assert_allclose(color[6, 0], [dome] * 3 + [float(dome > 0)], rtol=1e-6)
     np.testing.assert_allclose(color[6, 5], [ball] * 3 + [float(ball > 0)], rtol=1e-6)
@@ -266,7 +278,14 @@ def busy():
     floor(scene)
     scene.add_sphere("/ball", 0.7, color=(0.8, 0.4, 0.2), pose=(0, 0.7, 0, 0, 0, 0, 1))
     points, faces = scenes.icosphere(2)
-    scene.add_mesh("/glass", points, faces, normals=points, material=wr.PreviewSurface(opacity=0.3, roughness=0.1), pose=(1.5, 1, 0, 0, 0, 0, 1))
+    scene.add_mesh(
+        "/glass",
+        points,
+        faces,
+        normals=points,
+        material=wr.PreviewSurface(opacity=0.3, roughness=0.1),
+        pose=(1.5, 1, 0, 0, 0, 0, 1),
+    )
     scene.add_light(wr.SphereLight(radius=0.3, intensity=9.0), pose=(1, 3, 1, 0, 0, 0, 1))
     scene.add_light(wr.DomeLight(intensity=0.2))
     return scene, scenes.camera((0, 2, 5), (0, 0.7, 0))
@@ -394,7 +413,11 @@ def test_the_surface_is_not_its_own_shadow():
     # I11: lit by a delta light, no pixel of a convex body is darker than its cosine, wherever it is placed.
     points, faces = scenes.icosphere(3)
     sun = scenes.look_at((0.3, 0.4, 1.0))
-    for move, turn, size in (((0, 0, 0), (0, 0, 5), 1.0), ((300, -200, 100), (1, 2, 4), 1e-2), ((-7, 5, 3), (3, -1, 3), 40.0)):
+    for move, turn, size in (
+        ((0, 0, 0), (0, 0, 5), 1.0),
+        ((300, -200, 100), (1, 2, 4), 1e-2),
+        ((-7, 5, 3), (3, -1, 3), 40.0),
+    ):
         for kind in ("quadric", "mesh"):
             scene = wr.Scene()
             pose = np.diag([1.0, 0.6, 1.4, 1.0]) @ scenes.look_at(turn)

@@ -20,6 +20,7 @@ from .records import (
 from .scene import Placement, Scene
 from .shapes import SHAPES, Mesh, Sphere
 from .shapes.primvar import absent_primvar
+from .visibility.trees import MeshTree, SphereShape, WorldTree
 
 #: Primvars that materials read, in the order of their slots.
 _PRIMVARS = ("displayColor", "displayOpacity")
@@ -45,6 +46,7 @@ class Upload:
         self._geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
+        self._trees: list[MeshTree | SphereShape] = []
         self.record = DeviceScene()
         self._upload_instances(scene)
         self._upload_materials(scene)
@@ -69,17 +71,17 @@ class Upload:
         self.record.primvar_count = len(_PRIMVARS)
         used = [any(p.interpolation >= 0 for p in self._primvars[k :: len(_PRIMVARS)]) for k in range(2)]
         self.record.display_color, self.record.display_opacity = (k if used[k] else -1 for k in range(2))
-        if len(box):
-            self._build_tree(box - self.origin)
+        self._build_world(rows)
 
-    def _build_tree(self, box: np.ndarray) -> None:
-        # Outwards by more than the rounding of a transformed vertex.
-        margin = np.abs(box).max((1, 2), keepdims=True)[:, 0] * 2.0**-20 + np.finfo(np.float32).tiny
-        lower = wp.array(box[:, 0] - margin, dtype=wp.vec3, device=self.device)
-        upper = wp.array(box[:, 1] + margin, dtype=wp.vec3, device=self.device)
-        tree = wp.Bvh(lower, upper)
-        self._kept += [lower, upper, tree]
-        self.record.tree = tree.id
+    def _build_world(self, rows: list[np.ndarray]) -> None:
+        """The trees that rays walk, over instances in the order of their records."""
+        if not rows:
+            return
+        table = np.concatenate(rows)
+        placed = np.concatenate([table["linear"], table["translation"][:, :, None]], 2)
+        world = WorldTree(self._trees, table["geometry"], placed, self.device)
+        self._kept.append(world)
+        self.record.world = world.world
 
     def _instance_rows(
         self, path: str, prim: int, placement: Placement, geometry: int
@@ -132,6 +134,7 @@ class Upload:
             return None
         record = GeometryRecord()
         record.radius = sphere.radius
+        self._trees.append(SphereShape(sphere.radius))
         record.normals = absent_primvar()
         self._boxes.append(np.array([[-sphere.radius] * 3, [sphere.radius] * 3]))
         return record
@@ -156,9 +159,7 @@ class Upload:
             record.normals = mesh.normals.upload(mesh.corners[keep], self.device)
         if mesh.face_materials:
             record.face_material = self._array(self._face_materials(mesh, material), wp.int32)
-        tree = wp.Mesh(record.points, record.indices)
-        self._kept.append(tree)
-        record.mesh = tree.id
+        self._trees.append(MeshTree(record.points, record.indices))
         used = points[np.unique(triangles)].astype(np.float64)
         self._boxes.append(np.stack([used.min(0), used.max(0)]))
         return record
