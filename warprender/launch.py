@@ -35,7 +35,7 @@ def launch(kernel, count, inputs, outputs=(), device=None, threads=None):
         if count > 0:
             wp.launch(kernel, dim=count, inputs=[0, *arguments], device=device)
         return
-    kernel.module.load(device)  # modules load in one thread
+    kernel.module.load(device, block_dim=1)  # modules load in one thread; 1 is what a CPU launch asks for
     size = -(-count // (threads * CHUNKS_PER_THREAD))
 
     def run(first):

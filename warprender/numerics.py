@@ -1,7 +1,8 @@
 """Points on surfaces with bounds of their rounding error, and ray origins that clear those bounds.
 
-No constant epsilon: an origin moves by the error bound of its own hit and is then rounded away from the surface
-(pbrt-v4, sections 6.8.4 to 6.8.6). All bounds are absolute, one per axis, in the frame of their point.
+No constant epsilon: an origin moves by the error bound of its own hit and is then rounded away from the
+surface (pbrt-v4, sections 6.8.4 to 6.8.6). All bounds are absolute, one per axis, in the frame of their
+point.
 """
 
 import warp as wp
@@ -55,8 +56,8 @@ def sphere_point(radius: wp.float32, p: wp.vec3):
 def place_point(to_world: mat34, to_object: mat34, p: wp.vec3, error: wp.vec3):
     """A point of an instance in the world, and the bound within which rays meet its surface there.
 
-    Two transforms round: this one, which places the point (pbrt-v4 section 6.8.6), and the one that takes rays back
-    to object space, whose matrix is itself a rounded inverse.
+    Two transforms round: this one, which places the point (pbrt-v4 section 6.8.6), and the one that takes
+    rays back to object space, whose matrix is itself a rounded inverse.
     """
     q = wp.vec3()
     bound = wp.vec3()
@@ -66,7 +67,9 @@ def place_point(to_world: mat34, to_object: mat34, p: wp.vec3, error: wp.vec3):
         for j in range(3):
             term = to_world[i, j] * p[j]
             q[i] += term
-            bound[i] += wp.abs(term) * wp.static(_GAMMA3) + wp.abs(to_world[i, j]) * error[j] * wp.static(1.0 + _GAMMA3)
+            bound[i] += wp.abs(term) * wp.static(_GAMMA3) + wp.abs(to_world[i, j]) * error[j] * wp.static(
+                1.0 + _GAMMA3
+            )
     for j in range(3):
         back = wp.abs(to_object[j, 3])
         for k in range(3):
@@ -78,7 +81,8 @@ def place_point(to_world: mat34, to_object: mat34, p: wp.vec3, error: wp.vec3):
 
 @wp.func
 def offset_origin(p: wp.vec3, error: wp.vec3, normal: wp.vec3, direction: wp.vec3) -> wp.vec3:
-    """A ray origin beside p on the side that direction leaves to, clear of p's error box (pbrt-v4 section 6.8.6).
+    """A ray origin beside p on the side that direction leaves to, clear of p's error box (pbrt-v4 section
+    6.8.6).
 
     Args:
         p: The point.
@@ -110,7 +114,8 @@ def spawn_between(
 ):
     """Origin and direction of a shadow ray from p to q; with ``t_max`` 1 it meets neither's own surface.
 
-    Both ends are offset (pbrt-v4, ``SpawnRayTo``). A zero q_normal leaves the far end as it is, for point lights.
+    Both ends are offset (pbrt-v4, ``SpawnRayTo``). A zero q_normal leaves the far end as it is, for point
+    lights.
     """
     origin = offset_origin(p, p_error, p_normal, q - p)
     end = offset_origin(q, q_error, q_normal, origin - q)

@@ -25,7 +25,10 @@ from warprender.visibility.trees import MeshTree, SphereShape, WorldTree
 
 RAYS = int(20_000 * float(os.environ.get("WARPRENDER_RAYS", "1")))
 
-QUAD = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32), np.array([[0, 1, 2], [0, 2, 3]])
+QUAD = (
+    np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32),
+    np.array([[0, 1, 2], [0, 2, 3]]),
+)
 
 
 def closest(caster, origins, directions, **options):
@@ -71,7 +74,9 @@ def test_the_plain_query_leaks_here(number, shape):
     assert misses(RayCaster(points, faces, accuracy="fast"), *rays)[0] > 100
 
 
-@pytest.mark.parametrize("scale", [case("I5", 10.0**e) for e in (-36, -20, -15, -12, -10, 10, 12, 15, 20, 36)])
+@pytest.mark.parametrize(
+    "scale", [case("I5", 10.0**e) for e in (-36, -20, -15, -12, -10, 10, 12, 15, 20, 36)]
+)
 def test_scales_beyond_products_of_lengths(scale):
     points, faces = icosphere(2)
     points = (points * scale).astype(np.float32)
@@ -131,7 +136,9 @@ def test_camera_on_the_symmetry_plane(axis):
     assert misses(RayCaster(points, faces), np.zeros_like(d), d) == (0, 0)
 
 
-@pytest.mark.parametrize("origin", [case("I9", o) for o in ((-2, 0.2, 0), (0, 0.2, 0), (-2, 1, 0), (-2, -1, 0))])
+@pytest.mark.parametrize(
+    "origin", [case("I9", o) for o in ((-2, 0.2, 0), (0, 0.2, 0), (-2, 1, 0), (-2, -1, 0))]
+)
 def test_rays_within_the_plane(origin):
     hits = closest(RayCaster(*QUAD), np.float32(origin), np.float32([1, 0, 0]))
     assert hits.face[0] == -1
@@ -236,7 +243,14 @@ def self_hits(shape, scale, shift, use_offset):
     out = rng.normal(size=(len(t), 3))
     out = wp.array((out / np.linalg.norm(out, axis=1, keepdims=True)).astype(np.float32), dtype=wp.vec3)
     origin = wp.empty_like(out)
-    inputs = [caster.points, caster.indices, wp.array(face), wp.array(u), wp.array(v), wp.array(d[hit], dtype=wp.vec3)]
+    inputs = [
+        caster.points,
+        caster.indices,
+        wp.array(face),
+        wp.array(u),
+        wp.array(v),
+        wp.array(d[hit], dtype=wp.vec3),
+    ]
     wp.launch(_bounce, len(t), inputs=[*inputs, out, use_offset], outputs=[origin])
     return float((caster.closest(origin, out).face.numpy() == face).mean())
 
@@ -244,7 +258,8 @@ def self_hits(shape, scale, shift, use_offset):
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(
     ("scale", "shift"),
-    [case("I11", s, 0.0) for s in (1e-6, 1e-3, 1.0, 1e3, 1e6)] + [case("I11", 1.0, s) for s in (1e3, 1e4, 1e5, 1e6)],
+    [case("I11", s, 0.0) for s in (1e-6, 1e-3, 1.0, 1e3, 1e6)]
+    + [case("I11", 1.0, s) for s in (1e3, 1e4, 1e5, 1e6)],
 )
 def test_no_self_hits(shape, scale, shift):
     assert self_hits(shape, scale, shift, use_offset=True) == 0.0
@@ -255,7 +270,9 @@ def test_I11_without_an_offset_there_are():
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def _leave_floor(at: wp.array(dtype=wp.vec3), direction: wp.array(dtype=wp.vec3), origin: wp.array(dtype=wp.vec3)):
+def _leave_floor(
+    at: wp.array(dtype=wp.vec3), direction: wp.array(dtype=wp.vec3), origin: wp.array(dtype=wp.vec3)
+):
     i = wp.tid()
     a = wp.vec3(-0.5, -0.5, 0.0)
     b = wp.vec3(0.5, -0.5, 0.0)
@@ -274,7 +291,9 @@ def test_I12_contact():
     d[:, 2] = np.abs(d[:, 2]) + 0.1
     d = wp.array(d.astype(np.float32), dtype=wp.vec3)
     origin = wp.empty_like(d)
-    wp.launch(_leave_floor, RAYS, inputs=[wp.array(at.astype(np.float32), dtype=wp.vec3), d], outputs=[origin])
+    wp.launch(
+        _leave_floor, RAYS, inputs=[wp.array(at.astype(np.float32), dtype=wp.vec3), d], outputs=[origin]
+    )
     face = RayCaster(points, np.concatenate([QUAD[1], QUAD[1] + 4])).closest(origin, d).face.numpy()
     assert (face >= 2).all()
 
@@ -297,7 +316,10 @@ def _shadow(
 @pytest.mark.parametrize("height", [case("I10", h) for h in (1e-3, 1.0, 1e4)])
 def test_shadow_rays_meet_neither_end(height):
     rng = np.random.default_rng(7)
-    low, high = (wp.array(np.column_stack([rng.uniform(-1, 1, (RAYS, 2)), np.full(RAYS, z)]), dtype=wp.vec3) for z in (0, height))
+    low, high = (
+        wp.array(np.column_stack([rng.uniform(-1, 1, (RAYS, 2)), np.full(RAYS, z)]), dtype=wp.vec3)
+        for z in (0, height)
+    )
     error = wp.vec3(*[float(height) * 1e-6] * 3)
     origin, direction = wp.empty_like(low), wp.empty_like(low)
     wp.launch(_shadow, RAYS, inputs=[low, high, error], outputs=[origin, direction])
@@ -372,7 +394,15 @@ def test_empty_mesh_misses(accuracy):
     "indices",
     [
         case("I16", i)
-        for i in ([0, 1, 4], [0, 1, -1], [0, 1, 2**31], [0, 1, 10**6], [0, 1], [[0, 1, 2, 3]], [0.0, 1.0, 2.0])
+        for i in (
+            [0, 1, 4],
+            [0, 1, -1],
+            [0, 1, 2**31],
+            [0, 1, 10**6],
+            [0, 1],
+            [[0, 1, 2, 3]],
+            [0.0, 1.0, 2.0],
+        )
     ],
 )
 def test_bad_indices_raise(indices):
@@ -474,7 +504,10 @@ def _layers(
 
 def trace(tree, origins, directions, t_max=np.inf, kernel=_trace):
     """Hits of rays with a world, as a numpy record array, and occlusion."""
-    o, d = (wp.array(np.ascontiguousarray(a, np.float32), dtype=wp.vec3, device="cpu") for a in (origins, directions))
+    o, d = (
+        wp.array(np.ascontiguousarray(a, np.float32), dtype=wp.vec3, device="cpu")
+        for a in (origins, directions)
+    )
     hits, occluded = wp.empty(len(o), dtype=Hit, device="cpu"), wp.empty(len(o), dtype=wp.bool, device="cpu")
     wp.launch(kernel, len(o), inputs=[tree.world, o, d, t_max], outputs=[hits, occluded], device="cpu")
     return hits.numpy(), occluded.numpy()
@@ -525,7 +558,12 @@ def test_I20_sphere_from_inside_and_through():
     d = np.float32([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 1, 0]])
     assert trace(tree, o, d)[0]["t"].tolist() == [2.0, 3.0, 0.0, np.inf]
     count = wp.zeros(4, dtype=wp.int32, device="cpu")
-    wp.launch(_layers, 4, inputs=[tree.world, wp.array(o, dtype=wp.vec3), wp.array(d, dtype=wp.vec3)], outputs=[count])
+    wp.launch(
+        _layers,
+        4,
+        inputs=[tree.world, wp.array(o, dtype=wp.vec3), wp.array(d, dtype=wp.vec3)],
+        outputs=[count],
+    )
     assert count.numpy().tolist() == [1, 2, 1, 0]
 
 
@@ -535,7 +573,9 @@ def test_instances_against_flattened_meshes():
     which = rng.integers(0, 2, 60)
     place = placements(60, rng)
     tree = WorldTree([mesh_tree(*s) for s in shapes], which, place, "cpu")
-    points = np.concatenate([shapes[k][0].astype(np.float32) @ m[:, :3].T + m[:, 3] for k, m in zip(which, place, strict=True)])
+    points = np.concatenate(
+        [shapes[k][0].astype(np.float32) @ m[:, :3].T + m[:, 3] for k, m in zip(which, place, strict=True)]
+    )
     first = np.cumsum([0, *(len(shapes[k][0]) for k in which)])[:-1]
     faces = np.concatenate([shapes[k][1] + f for k, f in zip(which, first, strict=True)])
     owner = np.repeat(np.arange(60), [len(shapes[k][1]) for k in which])
@@ -607,7 +647,9 @@ def test_singular_and_empty_instances_draw_nothing():
     place[1] = np.nan
     place[3, :3, 3] = 5
     trees = [mesh_tree(*QUAD), mesh_tree(QUAD[0], np.zeros((0, 3), int))]
-    hits, _ = trace(WorldTree(trees, [0, 0, 1, 0], place, "cpu"), [[0.1, 0, 1], [5.1, 5, 9]], [[0, 0, -1]] * 2)
+    hits, _ = trace(
+        WorldTree(trees, [0, 0, 1, 0], place, "cpu"), [[0.1, 0, 1], [5.1, 5, 9]], [[0, 0, -1]] * 2
+    )
     assert hits["instance"].tolist() == [-1, 3]
 
 
@@ -690,7 +732,11 @@ def _scalar_trace():
         i = wp.tid()
         bits = closest_hit(world, origins[i], directions[i], t_max, -1.0, -1, -1)
         hits[i] = Hit(
-            wp.cast(bits[0], wp.float32), bits[1], bits[2], wp.cast(bits[3], wp.float32), wp.cast(bits[4], wp.float32)
+            wp.cast(bits[0], wp.float32),
+            bits[1],
+            bits[2],
+            wp.cast(bits[3], wp.float32),
+            wp.cast(bits[4], wp.float32),
         )
         occluded[i] = occluded_hit(world, origins[i], directions[i], t_max)
 
@@ -782,7 +828,9 @@ def test_another_warp_falls_back(monkeypatch):
 @pytest.mark.parametrize("accuracy", ["watertight", "fast"])
 def test_barycentrics_weigh_vertices_1_and_2(accuracy):
     points, faces = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), [[0, 1, 2]]
-    hits = closest(RayCaster(points, faces, accuracy=accuracy), np.float32([0.25, 0.5, 1]), np.float32([0, 0, -1]))
+    hits = closest(
+        RayCaster(points, faces, accuracy=accuracy), np.float32([0.25, 0.5, 1]), np.float32([0, 0, -1])
+    )
     assert (hits.u[0], hits.v[0]) == pytest.approx((0.25, 0.5))
 
 
@@ -814,7 +862,9 @@ def test_bounds_hold():
     q, bound = (wp.empty(RAYS, dtype=wp.vec3, device="cpu") for _ in range(2))
     up = wp.empty(RAYS, dtype=wp.float32, device="cpu")
     matrices = [mat34(*np.float32(a).ravel()) for a in (m, inverse)]
-    wp.launch(_placed, RAYS, inputs=[wp.array(p, dtype=wp.vec3), *matrices], outputs=[q, bound, up], device="cpu")
+    wp.launch(
+        _placed, RAYS, inputs=[wp.array(p, dtype=wp.vec3), *matrices], outputs=[q, bound, up], device="cpu"
+    )
     true = p.astype(float) @ np.float32(m[:, :3]).astype(float).T + np.float32(m[:, 3])
     assert (np.abs(q.numpy() - true) <= bound.numpy()).all()
     assert (bound.numpy() < 1e-4).all()

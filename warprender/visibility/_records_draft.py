@@ -1,4 +1,4 @@
-"""Device structs of the ray caster. Their layout is that of the plain structs at the end of ``traversal.h``."""
+"""Device structs of the ray caster, laid out as the plain structs at the end of ``traversal.h``."""
 
 import warp as wp
 
@@ -9,7 +9,7 @@ MESH, SPHERE = 0, 1
 
 @wp.struct
 class Ray:
-    """A half line from ``origin``; only hits with ``0 <= t < t_max`` count, in units of ``direction``'s length."""
+    """A half line; only hits with ``0 <= t < t_max`` count, in units of the direction's length."""
 
     origin: wp.vec3
     direction: wp.vec3

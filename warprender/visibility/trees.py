@@ -15,7 +15,7 @@ CLEAN_RANGE = 1e-9, 1e9  # coordinates outside are rescaled: products of lengths
 
 
 class _Memory:
-    """Uninitialised bytes that begin on a cache line; numpy asks for huge pages, which walks of big trees need."""
+    """Uninitialised bytes that begin on a cache line; numpy asks for huge pages, which spares TLB misses."""
 
     def __init__(self, size):
         self.data = np.empty(size + CACHE_LINE, np.uint8)
@@ -100,7 +100,7 @@ class MeshTree:
             self.box = _finite_box(self._scaled)
 
     def refit(self):
-        """Follow moved points. Builds again when that pays, and when the scale or an empty mesh calls for it."""
+        """Follow moved points; build again when that pays or the scale calls for it."""
         if self._wide is None and self.mesh is None:
             self.build()
         elif self.wide:
@@ -119,7 +119,13 @@ class MeshTree:
         if clean is not self._clean:
             wp.copy(self._clean, clean)
         if self._scaled is not self.points:
-            wp.launch(_scale_points, len(self.points), [0, self.points, self.scale], [self._scaled], device=self.device)
+            wp.launch(
+                _scale_points,
+                len(self.points),
+                [0, self.points, self.scale],
+                [self._scaled],
+                device=self.device,
+            )
         self.mesh.refit()
         self.box = _finite_box(self._scaled)
 
@@ -128,7 +134,14 @@ class MeshTree:
         items = -(-wide.blocks // BLOCKS_PER_ITEM)
         dropped = wp.zeros(items, dtype=wp.int32, device="cpu")
         tree = [wide.nodes.address, wide.leaves.address, wide.slots]
-        launch(_refit_leaves, items, [*tree, self.points, self.indices, self.scale, wide.blocks], [dropped], "cpu", self.threads)
+        launch(
+            _refit_leaves,
+            items,
+            [*tree, self.points, self.indices, self.scale, wide.blocks],
+            [dropped],
+            "cpu",
+            self.threads,
+        )
         wide.box_inner()
         self.dropped = int(dropped.numpy().sum())
         self.box = wide.box
@@ -201,9 +214,11 @@ class WorldTree:
         rows["geometry"] = self.geometry
         rows["placed"] = (rows["to_object"] != np.eye(3, 4, dtype=np.float32)).any((1, 2))
         self._instances = wp.array(rows, dtype=Instance, device=self.device)
-        # |W| |M| bounds how far an error of the object-space origin reaches in the world; two sums of four terms
+        # |W| |M| bounds how far an error of the object-space origin reaches in the world
         reach = (np.abs(to_world[:, :, :3]) @ np.abs(to_object[:, :, :3])).sum(2).max(1)
-        self._pad = float(2.0 * 8.0 * 2.0**-24 * np.where(sound & (rows["placed"] != 0), reach, 0.0).max(initial=0.0))
+        self._pad = float(
+            2.0 * 8.0 * 2.0**-24 * np.where(sound & (rows["placed"] != 0), reach, 0.0).max(initial=0.0)
+        )
 
     def _build(self):
         count = len(self._instances)
@@ -220,7 +235,13 @@ class WorldTree:
             self._bvh = wp.Bvh(self.lowers, self.uppers, leaf_size=1)
             if self.device.is_cpu:
                 self._wide = _WideTree(1, self._bvh.id, count)
-                inputs = [self._wide.nodes.address, self._wide.leaves.address, self.lowers, self.uppers, self._wide.count]
+                inputs = [
+                    self._wide.nodes.address,
+                    self._wide.leaves.address,
+                    self.lowers,
+                    self.uppers,
+                    self._wide.count,
+                ]
                 wp.launch(_refit_items, dim=1, inputs=inputs, device="cpu")
                 self._wide.box_inner()
         self.world = self._record(count)
@@ -307,7 +328,9 @@ def _finite(p: wp.vec3) -> bool:
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def _scale_points(first: wp.int32, points: wp.array(dtype=wp.vec3), scale: wp.float32, out: wp.array(dtype=wp.vec3)):
+def _scale_points(
+    first: wp.int32, points: wp.array(dtype=wp.vec3), scale: wp.float32, out: wp.array(dtype=wp.vec3)
+):
     i = first + wp.tid()
     out[i] = points[i] * scale
 
@@ -419,7 +442,7 @@ def _instance_boxes(
     lower = wp.vec3(w[0, 3], w[1, 3], w[2, 3])
     upper = lower
     if lo[0] <= hi[0]:
-        # the farthest that rounding of either matrix, applied to points of this box, may lead: gamma(8) of all terms
+        # gamma(8) of all terms: how far rounding of either matrix may move points of this box
         reach = wp.vec3(0.0)
         for a in range(3):
             for b in range(3):
