@@ -86,7 +86,7 @@ class MeshTree:
         self.box = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
         if len(self.indices) == 0:
             return
-        clean, self.dropped, anchor = _clean_faces(self.points, self.indices)
+        clean, self.dropped, anchor = _clean_faces(self.points, self.indices, self.wide)
         if anchor is None:
             return
         self._clean, self._scaled = clean, _scaled(self.points, self.scale)
@@ -112,7 +112,7 @@ class MeshTree:
             self._refit_mesh()
 
     def _refit_mesh(self):
-        clean, self.dropped, anchor = _clean_faces(self.points, self.indices)
+        clean, self.dropped, anchor = _clean_faces(self.points, self.indices, self.wide)
         if anchor is None or (clean is not self._clean and self._clean is self.indices):
             self.build()  # the caller's indices are not ours to change
             return
@@ -290,13 +290,14 @@ def _finite_box(points):
     return values.min(0), values.max(0)
 
 
-def _clean_faces(points, indices):
+def _clean_faces(points, indices, only_if_not_finite):
     """Indices whose faces are all finite, the number of faces left out, and a finite vertex or None.
 
     A face with a vertex that is not finite is collapsed to a point, so that ids stay and nothing can hit it.
+    Wide trees look for repeated vertices themselves: for them only what is not finite matters.
     """
     device = points.device
-    if device.is_cpu and np.isfinite(points.numpy()).all():
+    if only_if_not_finite and np.isfinite(points.numpy()).all():
         return indices, 0, 0
     anchor = wp.full(1, len(points), dtype=wp.int32, device=device)
     wp.launch(_first_finite, len(points), [0, points], [anchor], device=device)
