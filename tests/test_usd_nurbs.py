@@ -60,3 +60,26 @@ def test_left_handed_patches_face_the_other_way():
 def test_patches_that_do_not_fit_are_named(change):
     scene = scene_of((QUARTER % "").replace(*change))
     assert not scene.placements and scene.warnings[0].startswith("/n: it is not drawn")
+
+
+CIRCLE = """def NurbsCurves "c" {
+    int[] curveVertexCounts = [3, 2]
+    int[] order = [3, 2]
+    double[] knots = [0, 0, 0, 1, 1, 1, 0, 0, 1, 1]
+    point3f[] points = [(1, 0, 0), (1, 1, 0), (0, 1, 0), (5, 0, 0), (7, 0, 0)]
+    double[] pointWeights = [1, 0.70710678118, 1, 1, 1]
+    float[] widths = [0.02] ( interpolation = "constant" ) }"""
+
+
+def test_a_rational_quadratic_curve_is_an_exact_arc():
+    mesh = scene_of(CIRCLE).meshes["/c"]
+    arc = mesh.points[np.unique(mesh.triangles[mesh.faces == 0])]
+    distance = np.hypot(np.linalg.norm(arc[:, :2], axis=1) - 1, arc[:, 2])
+    np.testing.assert_allclose(distance, 0.01, atol=1e-5)
+    straight = mesh.points[np.unique(mesh.triangles[mesh.faces == 1])]
+    assert (straight[:, 0].min(), straight[:, 0].max()) == (5, 7)
+
+
+def test_curves_that_do_not_fit_are_named():
+    scene = scene_of(CIRCLE.replace("[3, 2]\n    double", "[3, 4]\n    double"))
+    assert not scene.placements and scene.warnings[0].startswith("/c: it is not drawn")

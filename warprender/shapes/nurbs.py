@@ -48,6 +48,45 @@ def basis_slopes(knots: np.ndarray, order: int, at: np.ndarray) -> np.ndarray:
     return slopes[:, :-1] - slopes[:, 1:]
 
 
+class SplineCurves:
+    """Rational B-spline curves, with what tubes and ribbons need of `Curves`.
+
+    Attributes:
+        curveVertexCounts: (C,) int64.
+        lengths: (C,) samples of each curve.
+        curve: (S,) curve of each sample.
+        periodic: False; a curve that closes comes back to its start.
+    """
+
+    periodic = False
+
+    def __init__(self, counts: np.ndarray, orders: np.ndarray, knots: list[np.ndarray], weights: np.ndarray) -> None:
+        """Curves of (C,) points and orders, with the knots of each and the weights (N,) of all points."""
+        self.curveVertexCounts, self._weights = counts, weights
+        at = [parameters(k, int(order)) for k, order in zip(knots, orders, strict=True)]
+        self.lengths = np.array([len(t) for t in at])
+        self.curve = np.repeat(np.arange(len(at)), self.lengths)
+        each = list(zip(knots, map(int, orders), at, strict=True))
+        self._basis = [basis(*spline) for spline in each]
+        self._slopes = [basis_slopes(*spline) for spline in each]
+
+    def positions(self, values: np.ndarray) -> np.ndarray:
+        """Vertex values (N, K) at the samples: (S, K)."""
+        weights = self._weights[:, None]
+        return self._summed(self._basis, values * weights) / self._summed(self._basis, weights)
+
+    def tangents(self, points: np.ndarray) -> np.ndarray:
+        """Derivatives (S, 3) at the samples, but for a positive factor."""
+        weights = self._weights[:, None]
+        slope = self._summed(self._slopes, points * weights)
+        return slope - self.positions(points) * self._summed(self._slopes, weights)
+
+    def _summed(self, matrices: list[np.ndarray], values: np.ndarray) -> np.ndarray:
+        ends = np.cumsum(self.curveVertexCounts)
+        starts = ends - self.curveVertexCounts
+        return np.concatenate([m @ values[a:b] for m, a, b in zip(matrices, starts, ends, strict=True)])
+
+
 def patch(
     points: np.ndarray,
     weights: np.ndarray,
