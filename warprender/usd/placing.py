@@ -16,6 +16,7 @@ from .draw_modes import read_stand_in
 from .geometry import read_mesh, read_tet_mesh
 from .gprims import KINDS, read_gprim
 from .lights import read_light
+from .nurbs import read_nurbs_curves, read_nurbs_patch
 from .points import points_frame, read_point
 from .primvars import inherited_from
 from .reading import Reading, shared_prim
@@ -28,6 +29,8 @@ SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
     "TetMesh": read_tet_mesh,
     "Points": read_point,
     "BasisCurves": read_curves,
+    "NurbsPatch": read_nurbs_patch,
+    "NurbsCurves": read_nurbs_curves,
     "HermiteCurves": read_hermite_curves,
     **dict.fromkeys(KINDS, read_gprim),
 }
