@@ -11,6 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..launch import launch
+from ..numerics import GAMMA_7, max_component
 from ..records import DeviceScene, Hit, Ray, World
 from . import native
 from .trees import MeshTree, WorldTree
@@ -82,8 +83,16 @@ def closest(scene: DeviceScene, ray: Ray) -> Hit:
 
 @wp.func
 def closest_after(scene: DeviceScene, ray: Ray, hit: Hit) -> Hit:
-    """What the ray meets next behind `hit`; see `scene_closest_after`."""
-    return scene_closest_after(scene.world, ray, hit)
+    """What the ray meets next behind `hit`; see `scene_closest_after`.
+
+    A ray through an edge hits the triangles on both sides of it, at distances that rounding sets apart: hits of one
+    instance that are nearer to each other than that are one crossing.
+    """
+    crossing = (max_component(wp.abs(ray.origin)) + hit.t * wp.length(ray.direction)) * GAMMA_7
+    following = scene_closest_after(scene.world, ray, hit)
+    while following.instance == hit.instance and (following.t - hit.t) * wp.length(ray.direction) <= crossing:
+        following = scene_closest_after(scene.world, ray, following)
+    return following
 
 
 @wp.func
