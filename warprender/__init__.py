@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
     from .usd import StageReader, load
+    from .visibility.rays import RayCaster
 
 __version__ = "0.1.0"
 
@@ -36,6 +37,7 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "PreviewSurface": "materials",
+    "RayCaster": "visibility.rays",
     "RectLight": "lights",
     "RenderPlan": "plan",
     "Renderer": "renderer",
@@ -56,6 +58,7 @@ __all__ = [
     "DomeLight",
     "Frame",
     "PreviewSurface",
+    "RayCaster",
     "RectLight",
     "RenderPlan",
     "Renderer",
