@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
     from .textures import PrimvarReader, Texture
-    from .usd import load
+    from .usd import StageReader, load
+    from .visibility.rays import RayCaster
 
 __version__ = "0.1.0"
 
@@ -38,12 +39,14 @@ _HOMES = {
     "Frame": "frame",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
+    "RayCaster": "visibility.rays",
     "RectLight": "lights",
     "RenderPlan": "plan",
     "Renderer": "renderer",
     "Scene": "scene",
     "SceneError": "scene",
     "SphereLight": "lights",
+    "StageReader": "usd",
     "Texture": "textures",
     "load": "usd",
     "render": "renderer",
@@ -59,12 +62,14 @@ __all__ = [
     "Frame",
     "PreviewSurface",
     "PrimvarReader",
+    "RayCaster",
     "RectLight",
     "RenderPlan",
     "Renderer",
     "Scene",
     "SceneError",
     "SphereLight",
+    "StageReader",
     "Texture",
     "load",
     "render",

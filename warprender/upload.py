@@ -18,6 +18,7 @@ from .records import (
 from .scene import Placement, Scene, materials_of
 from .shapes import SHAPES, Mesh, Sphere
 from .shapes.primvar import INTERPOLATIONS, absent_primvar
+from .texels import TEXTURE_BYTES
 from .visibility.trees import MeshTree, SphereShape, WorldTree
 
 
@@ -28,18 +29,30 @@ class Upload:
         record: what kernels read.
         origin: (3,) float64 world position that positions on the device are relative to; a float32 value.
         bounds: (2, 3) float64 world box of everything placed; zero size at the origin when nothing is.
+        texture_bytes: bytes that the pictures take.
         warnings: one line for each thing that could not be drawn.
     """
 
-    def __init__(self, scene: Scene, lights: dict[str, Light], origin: np.ndarray, device: str) -> None:
-        """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32."""
+    def __init__(
+        self,
+        scene: Scene,
+        lights: dict[str, Light],
+        origin: np.ndarray,
+        device: str,
+        texture_bytes: int = TEXTURE_BYTES,
+    ) -> None:
+        """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32.
+
+        Pictures are made smaller until all of them take `texture_bytes` at most.
+        """
         self.device = device
         self.origin = np.asarray(origin, np.float32).astype(np.float64)
         self.warnings: list[str] = []
         self._kept: list[object] = []
         self._materials = {key: i for i, key in enumerate(scene.materials)}
         used = {key for placement in scene.placements.values() for key in materials_of(placement)}
-        self._tables = MaterialTables(scene.materials, used)
+        self._tables = MaterialTables(scene.materials, used, texture_bytes)
+        self.texture_bytes = self._tables.pool.words.nbytes
         self.warnings += self._tables.warnings
         self._geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
@@ -105,6 +118,9 @@ class Upload:
         low, high = self._boxes[geometry]
         middle = np.einsum("kij,j->ki", linear, (low + high) / 2) + translation
         reach = np.einsum("kij,j->ki", np.abs(linear), (high - low) / 2)
+        # What rounding may do to a transformed vertex: its parts may be large and cancel.
+        parts = np.einsum("kij,j->ki", np.abs(linear), np.maximum(np.abs(low), np.abs(high)))
+        reach += (parts + np.abs(translation - self.origin)) * 2.0**-20
         return rows, np.stack([middle - reach, middle + reach], 1)
 
     def _geometry(self, path: str, placement: Placement, known: dict[tuple, int]) -> int:

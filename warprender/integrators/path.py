@@ -193,7 +193,7 @@ def radiance_function(key: PathKey) -> wp.Function:
         clear = wp.float32(1.0)
         depth = wp.int32(0)
         step = wp.int32(0)
-        passed_t = wp.float32(0.0)
+        passed_t = -INFINITY
         hit = closest(scene, ray)
         result.rays = wp.vec3i(1, 0, 0)
 
@@ -209,7 +209,8 @@ def radiance_function(key: PathKey) -> wp.Function:
                     if seen:
                         met = meet_light(scene.lights[i], ray.origin, ray.direction)
                         # Ties go to the light, as they do for shadow rays: a lamp may lie on a ceiling.
-                        if met.distance > passed_t and met.distance - end_margin(ray.origin, met.distance) <= hit.t:
+                        place = met.distance - end_margin(ray.origin, met.distance)
+                        if met.distance > 0.0 and place > passed_t and place <= hit.t:
                             weight = wp.float32(1.0)
                             if pdf > 0.0:
                                 weight = power_heuristic(pdf, met.pdf * scene.lights[i].choice)
@@ -297,7 +298,7 @@ def radiance_function(key: PathKey) -> wp.Function:
             ray.origin = offset_origin(surface.position, surface.error, surface.geometric_normal, direction)
             ray.direction = direction
             ray.t_max = INFINITY
-            passed_t = 0.0
+            passed_t = -INFINITY
             depth += 1
             step += 1
             hit = closest(scene, ray)

@@ -13,6 +13,7 @@ from ..scene import Scene
 from ..shapes import Mesh, Sphere
 
 if TYPE_CHECKING:
+    from ..shapes.subdivision import Subdivision
     from .skeletons import Skin
 
 T = TypeVar("T")
@@ -37,6 +38,9 @@ class Reading:
         draw_modes: whether models may be drawn as boxes, axes or cards.
         shapes: shapes read so far by what determines them, so that instances share one.
         primvars: primvars that are read from every shape, with their numbers of components, None for any.
+        sources: prim and skin that a shape was read from, by its key in `shapes`; shapes that do not depend on
+            one have none.
+        surfaces: the last subdivision surface of a mesh, by its path.
         skins: what poses a mesh, by the mesh's path.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
         remarks: message to the prims that it is about: the path that stands in the scene, by the path of the
@@ -52,6 +56,8 @@ class Reading:
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
     primvars: dict[str, int | None] = field(default_factory=lambda: {"displayColor": 3, "displayOpacity": 1})
     sound_instancers: bool = True
+    sources: dict[tuple, tuple[Usd.Prim, Skin | None]] = field(default_factory=dict)
+    surfaces: dict[str, Subdivision] = field(default_factory=dict)
     skins: dict[str, Skin] = field(default_factory=dict)
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
 
