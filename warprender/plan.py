@@ -241,8 +241,9 @@ def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tupl
             if material.is_cut_out():
                 cut_out = cut_out or path
     plan.reasons |= dict(sorted(uses.items()))
-    for reads in {"texture", "primvar", "normal map"} - features:
-        plan.absent[reads] = f"a material input that is connected to a {reads}"
+    for feature in FEATURES[1:]:
+        if feature not in features:
+            plan.absent[feature] = f"a material input that is connected to a {feature}"
     _note(plan, "cut-out", cut_out, "an opacityThreshold above 0")
     _note(plan, "energy compensation", "asked for" if request.energy_compensation else "", "--energyCompensation")
     return tuple(sorted(features))

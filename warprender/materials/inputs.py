@@ -12,7 +12,7 @@ import warp as wp
 
 from ..numerics import max_component, tangent_of
 from ..records import MATERIAL_INPUTS, DeviceScene, MaterialValues, Surface
-from ..shapes.primvar import corner_values, primvar_at, triangle_vertices, value_at
+from ..shapes.primvar import INTERPOLATIONS, corner_values, primvar_at, triangle_vertices, value_at
 from ..textures import Footprint, PrimvarReader, Texture, texture_at
 
 #: What a number or a colour that varies is read from.
@@ -26,6 +26,8 @@ NORMAL = MATERIAL_INPUTS - 1
 #: What the code of material inputs is specialised on.
 FEATURES = ("energy compensation", "normal map", "primvar", "texture")
 
+_VERTEX = wp.constant(wp.int32(INTERPOLATIONS.index("vertex")))
+_FACE_VARYING = wp.constant(wp.int32(INTERPOLATIONS.index("faceVarying")))
 #: Cosine below which a footprint grows no longer.
 _GRAZING = wp.constant(wp.float32(0.01))
 
@@ -59,7 +61,8 @@ def footprint_at(scene: DeviceScene, surface: Surface, slot: int, absent: wp.vec
     value = primvar_at(scene, surface, slot, absent)
     place.st = wp.vec2(value[0], value[1])
     index = surface.geometry * scene.primvar_count + slot
-    if width <= 0.0 or scene.primvars[index].interpolation < 2:
+    interpolation = scene.primvars[index].interpolation
+    if width <= 0.0 or interpolation < _VERTEX or interpolation > _FACE_VARYING:
         return place
 
     vertices = triangle_vertices(scene, surface)
