@@ -14,7 +14,7 @@ from warprender.upload import Upload
 
 WHITE_METAL = {"diffuseColor": (1, 1, 1), "metallic": 1.0}
 ROUGHNESSES = (0.0, 1e-3, 0.05, 0.3, 1.0)
-ABSORB = 0
+ABSORB, SCATTER = 0, 1
 
 
 def kernels():
@@ -144,6 +144,16 @@ def test_compensated_surfaces_are_reciprocal():
     there, back = run(EVALUATE, looks, a, b, BsdfValue), run(EVALUATE, looks, b, a, BsdfValue)
     for part in ("diffuse", "specular"):
         np.testing.assert_allclose(there[part] * a[:, 2:], back[part] * b[:, 2:], rtol=2e-3, atol=1e-6)
+
+
+def test_compensated_samples_weigh_what_evaluation_says():
+    look = wr.PreviewSurface(diffuseColor=(0.9, 0.7, 0.3), metallic=0.8, roughness=0.9, clearcoat=0.5)
+    u = np.random.default_rng(6).random((1 << 14, 3), np.float32)
+    samples = run(SAMPLE, [look], towards(0.4), u, BsdfSample)[0]
+    samples = samples[samples["event"] == SCATTER]
+    values = run(EVALUATE, [look], towards(0.4), samples["direction"], BsdfValue)[0]
+    np.testing.assert_allclose(samples["pdf"], values["pdf"], rtol=1e-4)
+    np.testing.assert_allclose(samples["specular"], values["specular"] / values["pdf"][:, None], rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)

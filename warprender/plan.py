@@ -241,7 +241,7 @@ def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tupl
             if material.is_cut_out():
                 cut_out = cut_out or path
     plan.reasons |= dict(sorted(uses.items()))
-    for feature in FEATURES[1:]:
+    for feature in ("normal map", "primvar", "texture"):
         if feature not in features:
             plan.absent[feature] = f"a material input that is connected to a {feature}"
     _note(plan, "cut-out", cut_out, "an opacityThreshold above 0")
