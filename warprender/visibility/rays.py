@@ -196,7 +196,7 @@ class RayCaster:
             _fill_misses(outputs)
         else:
             items = -(-count // native.RAYS_PER_ITEM)
-            inputs = [count, record.nodes, record.blocks, self._tree.scale, *rays]
+            inputs = [count, record.nodes, record.blocks, self._tree.cached, self._tree.scale, *rays]
             launch(kernels.wide, items, inputs, outputs, self.device, self.threads)
 
 
@@ -270,6 +270,7 @@ def _closest_wide(
     count: wp.int32,
     nodes: wp.uint64,
     blocks: wp.uint64,
+    cached: wp.bool,
     scale: wp.float32,
     origins: wp.array(dtype=wp.vec3),
     directions: wp.array(dtype=wp.vec3),
@@ -284,7 +285,21 @@ def _closest_wide(
     begin = (first + wp.tid()) * wp.static(native.RAYS_PER_ITEM)
     end = wp.min(begin + wp.static(native.RAYS_PER_ITEM), count)
     native.closest_batch(
-        nodes, blocks, scale, origins, directions, t_max, t_after, face_after, begin, end, t, face, u, v
+        nodes,
+        blocks,
+        cached,
+        scale,
+        origins,
+        directions,
+        t_max,
+        t_after,
+        face_after,
+        begin,
+        end,
+        t,
+        face,
+        u,
+        v,
     )
 
 
@@ -294,6 +309,7 @@ def _occluded_wide(
     count: wp.int32,
     nodes: wp.uint64,
     blocks: wp.uint64,
+    cached: wp.bool,
     scale: wp.float32,
     origins: wp.array(dtype=wp.vec3),
     directions: wp.array(dtype=wp.vec3),
@@ -305,7 +321,7 @@ def _occluded_wide(
     begin = (first + wp.tid()) * wp.static(native.RAYS_PER_ITEM)
     end = wp.min(begin + wp.static(native.RAYS_PER_ITEM), count)
     native.occluded_batch(
-        nodes, blocks, scale, origins, directions, t_max, t_after, face_after, begin, end, occluded
+        nodes, blocks, cached, scale, origins, directions, t_max, t_after, face_after, begin, end, occluded
     )
 
 
