@@ -11,9 +11,9 @@ PACKAGE = Path(warprender.__file__).parent
 LEVELS = (
     {"numerics", "sampling", "color", "launch"},
     {"records", "images"},
-    {"textures"},
+    {"texels", "textures"},
     {"materials", "lights", "shapes", "camera", "outputs"},
-    {"scene"},
+    {"scene", "material_tables"},
     {"plan", "framing"},
     {"visibility", "film"},
     {"integrators", "upload", "receipt"},
@@ -24,7 +24,7 @@ LEVELS = (
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
 
 #: Neighbours on one level of which the first needs the second.
-NEIGHBOURS = {("sampling", "numerics"), ("materials", "shapes"), ("renderer", "frame"), ("__main__", "__init__")}
+NEIGHBOURS = {("sampling", "numerics"), ("materials", "shapes"), ("textures", "texels"), ("renderer", "frame"), ("__main__", "__init__")}
 EDGES = {"usd", "cli"}
 
 

@@ -14,9 +14,11 @@ import numpy as np
 from .camera import Camera
 from .lights import LIGHTS, CameraLight, DomeLight, Light
 from .materials import MATERIALS, DisplayColor
+from .materials.inputs import FEATURES, NORMAL
 from .outputs import OUTPUTS
-from .scene import Placement, Scene, SceneError
+from .scene import Placement, Scene, SceneError, materials_of
 from .shapes import SHAPES, Primvar
+from .textures import Texture
 
 TRANSPORTS = ("none", "path")
 VISIBILITIES = ("rays",)
@@ -37,6 +39,7 @@ class PathKey:
     camera: tuple[str, ...]
     sampled_lights: bool
     straight_through: bool
+    features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,7 @@ class OutputsKey:
     camera: tuple[str, ...]
     outputs: tuple[str, ...]
     straight_through: bool
+    features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,7 @@ class Request:
     bounces: int | None = None
     dome_light_visible: bool = False
     lights_visible: bool = False
+    energy_compensation: bool = False
 
 
 @dataclass
@@ -120,6 +125,7 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     materials = _effects(
         plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
     )
+    features = _material_features(plan, scene, request)
     passing = _straight_through(scene)
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
@@ -130,14 +136,15 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
-        plan.outputs = OutputsKey(shapes, materials, tuple(e for e in effects if e != "lens"), aovs, bool(passing))
+        pinhole = tuple(e for e in effects if e != "lens")
+        plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features)
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
         kinds = _effects(plan, "light", {k.__name__ for k in LIGHTS}, _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
         why = "lights that can be aimed at" if sampled else ""
         _note(plan, "shadow rays", why, "a light other than a dome")
-        plan.path = PathKey(shapes, materials, kinds, effects, sampled, bool(passing))
+        plan.path = PathKey(shapes, materials, kinds, effects, sampled, bool(passing), features)
         _bound_bounces(plan, scene, request)
     return plan
 
@@ -145,9 +152,9 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
 def everything() -> PathKey:
     """The key with every effect compiled in: another kernel, the same pictures."""
     names = (tuple(sorted(kind.__name__ for kind in kinds)) for kinds in (SHAPES, MATERIALS, LIGHTS))
-    return PathKey(
-        *names, ("clippingPlanes", "lens", "orthographic", "perspective"), sampled_lights=True, straight_through=True
-    )
+    camera = ("clippingPlanes", "lens", "orthographic", "perspective")
+    shapes, materials, lights = names
+    return PathKey(shapes, materials, lights, camera, True, True, FEATURES)
 
 
 def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
@@ -209,17 +216,36 @@ def _shape_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
-def materials_of(placement: Placement) -> list[str]:
-    """Keys of the materials that a placement shows: its own, and those of its shape's faces."""
-    return [placement.material, *getattr(placement.shape, "face_materials", {})]
-
-
 def _material_callers(scene: Scene) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, placement in scene.placements.items():
         for key in materials_of(placement):
             _first(callers, type(scene.materials[key]).__name__, path)
     return callers
+
+
+def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tuple[str, ...]:
+    """What material inputs need of the kernel; notes each input that varies, and cut-outs, with the first caller."""
+    features = {"energy compensation"} if request.energy_compensation else set()
+    uses: dict[str, str] = {}
+    cut_out = ""
+    for path, placement in scene.placements.items():
+        for key in materials_of(placement):
+            material = scene.materials[key]
+            for number, (name, source) in material.varying().items():
+                reads = "texture" if isinstance(source, Texture) else "primvar"
+                features.add(reads)
+                _first(uses, f"{reads} {name}", path)
+                if number == NORMAL:
+                    features.add("normal map")
+            if material.is_cut_out():
+                cut_out = cut_out or path
+    plan.reasons |= dict(sorted(uses.items()))
+    for reads in {"texture", "primvar", "normal map"} - features:
+        plan.absent[reads] = f"a material input that is connected to a {reads}"
+    _note(plan, "cut-out", cut_out, "an opacityThreshold above 0")
+    _note(plan, "energy compensation", "asked for" if request.energy_compensation else "", "--energyCompensation")
+    return tuple(sorted(features))
 
 
 def _light_callers(lights: dict[str, Light]) -> dict[str, str]:
@@ -259,7 +285,7 @@ def _largest_albedo(scene: Scene) -> float:
 
 def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
     """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted."""
-    albedo = _largest_albedo(scene)
+    albedo = 1.0 if request.energy_compensation else _largest_albedo(scene)
     bounces = request.bounces
     if bounces is None:
         bounces = MOST_BOUNCES

@@ -8,12 +8,13 @@ from functools import cache
 
 import warp as wp
 
-from ..camera import camera_ray_function
+from ..camera import camera_ray_function, pixel_cone
 from ..color import luminance
 from ..film import FilmRecord, filter_offset
 from ..launch import launch
 from ..lights.dispatch import light_functions
 from ..materials.dispatch import material_functions
+from ..materials.normal_map import shading_function
 from ..numerics import (
     GAMMA_7,
     INFINITY,
@@ -48,11 +49,13 @@ from ..sampling import (
     random_pair,
     sample_stream,
 )
-from ..shapes.surface import surface_function
 from ..visibility.rays import closest_after_function, closest_function, occluded_function
 
 #: Reflections before Russian roulette may end a path.
 ROULETTE_AFTER = wp.constant(wp.int32(3))
+#: Share of a pixel's width that one sample stands for. The samples average the rest themselves: look-ups this wide
+#: leave a distant texture without aliasing from 16 samples on, and add 1/16 to the variance of the pixel filter.
+FOOTPRINT = wp.constant(wp.float32(0.25))
 #: Surfaces that a path goes straight through, at most.
 MOST_PASSES = wp.constant(wp.int32(1024))
 
@@ -104,6 +107,16 @@ def shadow_ray(surface: Surface, light: LightSample) -> Ray:
 
 
 @wp.func
+def scattered_cone(width: float, growth: float, pdf: float) -> wp.vec2:
+    """The cone of a direction that was drawn with a density: it stands for the solid angle 1 / pdf, shared out among
+    as many samples as the pixel is. Delta lobes (pdf 0) keep the growth.
+    """
+    if pdf <= 0.0:
+        return wp.vec2(width, growth)
+    return wp.vec2(width, wp.max(growth, FOOTPRINT / wp.sqrt(pdf)))
+
+
+@wp.func
 def choose_light(scene: DeviceScene, u: float) -> int:
     """The light whose interval of the cumulative distribution holds u."""
     low = wp.int32(0)
@@ -119,22 +132,25 @@ def choose_light(scene: DeviceScene, u: float) -> int:
 
 @cache
 def transmittance_function(key: PathKey) -> wp.Function:
-    """`transmittance(scene, ray)`: 1 where nothing is in the way; what clear surfaces let through otherwise."""
+    """`transmittance(scene, ray, footprint)`: 1 where nothing is in the way; what clear surfaces let through otherwise.
+
+    `footprint` is the width that the ray stands for.
+    """
     occluded = occluded_function(key.shapes)
     closest = closest_function(key.shapes)
     closest_after = closest_after_function(key.shapes)
-    surface_at = surface_function(key.shapes)
-    prepare, _, _ = material_functions(key.materials)
+    shading_at = shading_function(key.shapes, key.features)
+    prepare, _, _ = material_functions(key.materials, key.features)
     straight_through = key.straight_through
 
     @wp.func
-    def transmittance(scene: DeviceScene, ray: Ray) -> float:
+    def transmittance(scene: DeviceScene, ray: Ray, footprint: float) -> float:
         if wp.static(straight_through):
             passed = wp.float32(1.0)
             hit = closest(scene, ray)
             count = wp.int32(0)
             while hit.instance >= 0 and passed > 0.0 and count < MOST_PASSES:
-                passed = passed * prepare(scene, surface_at(scene, ray, hit)).pass_through
+                passed = passed * prepare(scene, shading_at(scene, ray, hit, footprint)).pass_through
                 hit = closest_after(scene, ray, hit)
                 count += 1
             return passed
@@ -147,19 +163,25 @@ def transmittance_function(key: PathKey) -> wp.Function:
 
 @cache
 def radiance_function(key: PathKey) -> wp.Function:
-    """`radiance(scene, request, ray, sample) -> PathResult`: one estimate of what a camera ray sees."""
+    """`radiance(scene, request, ray, cone, sample) -> PathResult`: one estimate of what a camera ray sees.
+
+    `cone` is the width of what the ray stands for at its origin, and how fast it grows.
+    """
     closest = closest_function(key.shapes)
     closest_after = closest_after_function(key.shapes)
-    surface_at = surface_function(key.shapes)
-    prepare, evaluate, sample_bsdf = material_functions(key.materials)
+    shading_at = shading_function(key.shapes, key.features)
+    prepare, evaluate, sample_bsdf = material_functions(key.materials, key.features)
     sample_light, meet_light = light_functions(key.lights)
     transmittance = transmittance_function(key)
     sampled_lights, straight_through = key.sampled_lights, key.straight_through
     with_lights = bool(key.lights)
 
     @wp.func
-    def radiance(scene: DeviceScene, request: PathRequest, camera_ray: Ray, sample: SampleStream) -> PathResult:
+    def radiance(
+        scene: DeviceScene, request: PathRequest, camera_ray: Ray, camera_cone: wp.vec2, sample: SampleStream
+    ) -> PathResult:
         result = PathResult()
+        cone = camera_cone
         ray = camera_ray
         # Throughput of the last event, split as the lights' `diffuse` and `specular` need it.
         diffuse_throughput = wp.vec3(1.0, 1.0, 1.0)
@@ -204,7 +226,7 @@ def radiance_function(key: PathKey) -> wp.Function:
                 break
 
             # 2. Light that the surface itself emits.
-            surface = surface_at(scene, ray, hit)
+            surface = shading_at(scene, ray, hit, cone[0] + cone[1] * hit.t)
             bsdf = prepare(scene, surface)
             throughput = diffuse_throughput + specular_throughput
             result.radiance += wp.cw_mul(throughput, bsdf.emission)
@@ -247,7 +269,7 @@ def radiance_function(key: PathKey) -> wp.Function:
                         weight = wp.float32(1.0)
                         if aimed.delta == 0:
                             weight = power_heuristic(density, value.pdf)
-                        passed = transmittance(scene, shadow_ray(surface, aimed))
+                        passed = transmittance(scene, shadow_ray(surface, aimed), surface.footprint)
                         result.rays += wp.vec3i(0, 0, 1)
                         arriving = aimed.radiance * (weight * passed / chance)
                         result.radiance += wp.cw_mul(wp.cw_mul(throughput, response), arriving)
@@ -261,6 +283,7 @@ def radiance_function(key: PathKey) -> wp.Function:
             diffuse_throughput = wp.cw_mul(throughput, scattered.diffuse)
             specular_throughput = wp.cw_mul(throughput, scattered.specular)
             pdf = scattered.pdf
+            cone = scattered_cone(surface.footprint, cone[1], pdf)
             if scattered.event == EVENT_DELTA:
                 pdf = 0.0
 
@@ -308,7 +331,8 @@ def path_kernel(key: PathKey) -> wp.Kernel:
             px = wp.float32(x) + 0.5 + filter_offset(film.filter_table, u[0])
             py = wp.float32(y) + 0.5 + filter_offset(film.filter_table, u[1])
             ray = camera_ray(camera, px, py, random_pair(sample, -1, DIMENSION_LENS))
-            result = radiance(scene, request, ray, sample)
+            cone = pixel_cone(camera) * FOOTPRINT
+            result = radiance(scene, request, ray, cone, sample)
             rays += result.rays
             if is_finite(result.radiance):
                 value = wp.vec3d(
