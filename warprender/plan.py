@@ -12,13 +12,23 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from .camera import Camera
-from .lights import CameraLight, Light
+from .emitters import lit, materials_of
+from .lights import Light
+from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS
 from .outputs import OUTPUTS
-from .scene import Placement, Scene, SceneError
+from .scene import Scene, SceneError
 
 TRANSPORTS = ("none", "path")
 VISIBILITIES = ("rays",)
+
+#: What lights may need compiled beyond their kinds, and what would call for it.
+LIGHT_EFFECTS = {
+    "ies": "shaping:ies:file",
+    "linking": "a lightLink collection that leaves prims out",
+    "shadows": "ShadowAPI, or a shadowLink collection that leaves prims out",
+    "shaping": "shaping:focus, or a shaping:cone:angle that cuts something off",
+}
 
 #: Share of the emitted light that may be lost to the end of paths when no number of bounces is given.
 BOUNCE_TOLERANCE = 1e-4
@@ -33,6 +43,7 @@ class PathKey:
     shapes: tuple[str, ...]
     materials: tuple[str, ...]
     lights: tuple[str, ...]
+    light_effects: tuple[str, ...]
     camera: tuple[str, ...]
     sampled_lights: bool
     straight_through: bool
@@ -130,21 +141,14 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
         plan.outputs = OutputsKey(shapes, materials, effects[:1], aovs, bool(passing))
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
-        kinds = _effects(plan, "light", _light_kinds(), _light_callers(lights), "a light of this kind")
+        kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
         why = "lights that can be aimed at" if sampled else ""
         _note(plan, "shadow rays", why, "a light other than a dome")
-        plan.path = PathKey(shapes, materials, kinds, effects, sampled, bool(passing))
+        light_effects = _light_effects(plan, lights)
+        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing))
         _bound_bounces(plan, scene, request)
     return plan
-
-
-def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
-    """The lights that emit, by path, with the camera light last when it is on."""
-    lights = {path: light for path, light in scene.lights.items() if light.radiance().any()}
-    if camera_light:
-        lights["camera light"] = CameraLight()
-    return lights
 
 
 def check_outputs(names: tuple[str, ...]) -> None:
@@ -189,11 +193,6 @@ def _shape_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
-def materials_of(placement: Placement) -> list[str]:
-    """Keys of the materials that a placement shows: its own, and those of its shape's faces."""
-    return [placement.material, *getattr(placement.shape, "face_materials", {})]
-
-
 def _material_callers(scene: Scene) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, placement in scene.placements.items():
@@ -202,17 +201,21 @@ def _material_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
-def _light_kinds() -> set[str]:
-    from .lights import LIGHTS
-
-    return {kind.__name__ for kind in LIGHTS}
-
-
 def _light_callers(lights: dict[str, Light]) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, light in lights.items():
-        _first(callers, type(light).__name__, path)
+        _first(callers, light.kind(), path)
     return callers
+
+
+def _light_effects(plan: RenderPlan, lights: dict[str, Light]) -> tuple[str, ...]:
+    callers: dict[str, str] = {}
+    for path, light in lights.items():
+        for effect in light.effects():
+            _first(callers, effect, path)
+    for effect, caller in LIGHT_EFFECTS.items():
+        _note(plan, f"light {effect}", callers.get(effect, ""), caller)
+    return tuple(sorted(callers))
 
 
 def _straight_through(scene: Scene) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from .lights import LIGHTS, CameraLight, Light
+from .lights import CameraLight, Light
 from .materials import MATERIALS
 from .materials.albedo import albedo_table
 from .records import (
@@ -13,13 +13,13 @@ from .records import (
     DeviceScene,
     GeometryRecord,
     InstanceRecord,
-    LightRecord,
     MaterialRecord,
     PrimvarRecord,
 )
 from .scene import Placement, Scene
 from .shapes import SHAPES, Mesh, Sphere
 from .shapes.primvar import absent_primvar
+from .upload_lights import LightUpload, Placed
 
 #: Primvars that materials read, in the order of their slots.
 _PRIMVARS = ("displayColor", "displayOpacity")
@@ -46,11 +46,16 @@ class Upload:
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
         self.record = DeviceScene()
-        self._upload_instances(scene)
+        self._shapes: dict[int, Mesh | Sphere] = {}
+        self._drawn: dict[int, np.ndarray] = {}
+        placed = self._place(scene)
         self._upload_materials(scene)
-        self._upload_lights(lights)
+        self._lights = LightUpload(scene, lights, placed, self.record, device)
+        self.warnings += self._lights.warnings
+        self.record.instances = self._array(placed.instances, InstanceRecord)
 
-    def _upload_instances(self, scene: Scene) -> None:
+    def _place(self, scene: Scene) -> Placed:
+        """Upload the shapes and the tree of their instances; the records of the instances are still to be uploaded."""
         rows, boxes = [], []
         known: dict[tuple, int] = {}
         for prim, (path, placement) in enumerate(scene.placements.items()):
@@ -63,7 +68,6 @@ class Upload:
         table = np.concatenate(rows) if rows else np.zeros(0, InstanceRecord.numpy_dtype())
         box = np.concatenate(boxes) if boxes else np.zeros((0, 2, 3))
         self.bounds = np.stack([box[:, 0].min(0), box[:, 1].max(0)]) if len(box) else np.tile(self.origin, (2, 1))
-        self.record.instances = self._array(table, InstanceRecord)
         self.record.geometries = self._array(self._geometries, GeometryRecord)
         self.record.primvars = self._array(self._primvars, PrimvarRecord)
         self.record.primvar_count = len(_PRIMVARS)
@@ -71,6 +75,7 @@ class Upload:
         self.record.display_color, self.record.display_opacity = (k if used[k] else -1 for k in range(2))
         if len(box):
             self._build_tree(box - self.origin)
+        return Placed(table, self._shapes, self._drawn, box, self.bounds, self.origin)
 
     def _build_tree(self, box: np.ndarray) -> None:
         # Outwards by more than the rounding of a transformed vertex.
@@ -97,6 +102,7 @@ class Upload:
         has_face_materials = bool(getattr(placement.shape, "face_materials", None))
         rows["material"] = -1 if has_face_materials else self._materials[placement.material]
         rows["prim"] = prim
+        rows["light"] = -1
         rows["instance_id"] = placement.instance_ids[good]
         rows["linear"] = linear
         rows["inverse"] = np.linalg.inv(linear)
@@ -119,6 +125,7 @@ class Upload:
             known[key] = -1
             if record is not None:
                 known[key] = len(self._geometries)
+                self._shapes[known[key]] = shape
                 record.kind = SHAPES.index(type(shape))
                 self._geometries.append(record)
                 corners = getattr(shape, "corners", np.zeros((0, 3), np.int32))
@@ -143,6 +150,7 @@ class Upload:
             self.warnings.append(f"{path}: {int((~keep).sum())} triangles with non-finite points are not drawn")
         if not keep.any():
             return None
+        self._drawn[len(self._geometries)] = keep
         triangles = mesh.triangles[keep]
         record = GeometryRecord()
         if isinstance(mesh.points, wp.array) and keep.all() and mesh.points.device == wp.get_device(self.device):
@@ -179,39 +187,6 @@ class Upload:
         assert MATERIAL_INPUTS == rows["values"].shape[1]
         self.record.materials = self._array(rows, MaterialRecord)
         self.record.albedo = self._array(albedo_table(), wp.vec3)
-
-    def _upload_lights(self, lights: dict[str, Light]) -> None:
-        radius = max(float(np.linalg.norm(self.bounds[1] - self.bounds[0])) / 2, 1e-6)
-        rows = np.zeros(len(lights), LightRecord.numpy_dtype())
-        power = np.zeros(len(lights))
-        for i, (path, light) in enumerate(lights.items()):
-            power[i] = self._light_row(rows[i], path, light, radius)
-        chosen = power > 0
-        if chosen.any():
-            # Half by power, half alike: no light in the scene is left to starve beside a strong one.
-            rows["choice"] = np.where(chosen, 0.5 * power / power.sum() + 0.5 / chosen.sum(), 0.0)
-        cdf = np.cumsum(rows["choice"].astype(np.float64))
-        cdf[chosen.nonzero()[0][-1:]] = 1.0
-        self.record.lights = self._array(rows, LightRecord)
-        self.record.light_count = len(lights)
-        self.record.light_cdf = self._array(cdf.astype(np.float32), wp.float32)
-
-    def _light_row(self, row: np.void, path: str, light: Light, scene_radius: float) -> float:
-        """Fill a light's record; returns its power, 0 for one that nothing can be lit by."""
-        linear = light.local_to_world().T
-        determinant = abs(np.linalg.det(linear))
-        row["kind"] = LIGHTS.index(type(light))
-        if not np.isfinite(light.transform).all() or determinant <= 0.0:
-            self.warnings.append(f"{path}: the light's transform is singular or not finite; it gives no light")
-            return 0.0
-        row["radiance"] = light.radiance()
-        row["position"] = light.transform[3, :3] - self.origin
-        row["linear"] = linear
-        row["inverse"] = np.linalg.inv(linear)
-        row["determinant"] = determinant
-        row["size"] = light.size()
-        row["diffuse"], row["specular"] = light.diffuse, light.specular
-        return max(light.power(scene_radius), 0.0)
 
     def _array(self, data: np.ndarray | list, dtype: type) -> wp.array:
         array = wp.array(data, dtype=dtype, device=self.device) if len(data) else wp.empty(0, dtype=dtype)

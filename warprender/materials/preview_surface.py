@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from ..color import LUMINANCE
 from ..numerics import INV_PI, max_component
 from ..records import (
     EVENT_ABSORB,
@@ -93,6 +94,10 @@ class PreviewSurface:
     def passes_light(self) -> bool:
         """Whether rays may go straight through."""
         return self.opacity < max(self.opacityThreshold, 1.0 if self.opacityThreshold <= 0 else 0.0)
+
+    def largest_emission(self) -> float:
+        """Upper bound on the luminance that is emitted."""
+        return float(np.dot(self.emissiveColor, LUMINANCE))
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""
