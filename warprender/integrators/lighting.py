@@ -116,6 +116,16 @@ def share_of(light: LightRecord, departure: Departure) -> wp.vec3:
     return departure.diffuse * light.diffuse + departure.specular * light.specular
 
 
+@wp.func
+def hit_density(
+    scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3, surface: Surface
+) -> float:
+    """Density per solid angle with which next-event estimation at `origin` aims at a glowing surface that was hit."""
+    if light.kind == _GLOWING_SPHERE:
+        return density_along(scene, light, origin, direction)
+    return density_at(light, origin, surface)
+
+
 @cache
 def shadow_function(key: PathKey) -> wp.Function:
     """`shadow(scene, light, ray)`: the share of a light that arrives along a ray from the receiver to it."""
@@ -314,7 +324,7 @@ def glow_function(key: PathKey) -> wp.Function:
     """`glow(scene, departure, direction, surface, emission)`: what arrives from a surface that was hit."""
     shape = shaping_function(key.light_effects)
     glowing = bool(set(GLOWING) & set(key.lights))
-    spheres, linking = "GlowingSphere" in key.lights, "linking" in key.light_effects
+    linking = "linking" in key.light_effects
 
     @wp.func
     def glow(
@@ -334,12 +344,7 @@ def glow_function(key: PathKey) -> wp.Function:
                     return wp.vec3(0.0, 0.0, 0.0)
                 weight = wp.float32(1.0)
                 if departure.pdf > 0.0:
-                    density = wp.float32(0.0)
-                    if wp.static(spheres):
-                        if light.kind == _GLOWING_SPHERE:
-                            density = density_along(scene, light, departure.position, direction)
-                    if light.kind != _GLOWING_SPHERE:
-                        density = density_at(light, departure.position, surface)
+                    density = hit_density(scene, light, departure.position, direction, surface)
                     chosen = probability_of(scene, departure.position, departure.normal, light, True)
                     weight = power_heuristic(departure.pdf, density * chosen)
                 radiance = wp.cw_mul(radiance, shape(scene, light, direction))
