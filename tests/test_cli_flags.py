@@ -118,6 +118,7 @@ def test_every_flag_arrives(recorder):
         "dome_light_visible": True,
         "lights_visible": True,
         "filter": "box",
+        "sampler": "sobol",
     }
     assert recorder.renders == [dict(samples=9, error=0.1, seconds=2.5, seed=5, progress=None)]
 

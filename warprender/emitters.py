@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from .lights import CameraLight, GlowingSphere, Light, MeshLight
+from .lights import CameraLight, DomeLight, GlowingSphere, Light, MeshLight
 from .scene import Placement, Scene
 from .shapes import Mesh, Sphere
 
@@ -16,7 +16,7 @@ _WORTH_AIMING_AT = 1e-3
 
 def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
     """The lights that emit, by path: the stage's, then glowing geometry, the camera light last when it is on."""
-    lights = {path: light for path, light in scene.lights.items() if light.radiance().any()}
+    lights = {path: light for path, light in scene.lights.items() if _shines(light)}
     total = sum(light.power(1.0) for light in lights.values())
     taken = {light.prim for light in lights.values() if isinstance(light, MeshLight)}
     glowing = {path: glow_power(scene, p) for path, p in scene.placements.items() if path not in taken}
@@ -28,6 +28,11 @@ def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
     if camera_light:
         lights["camera light"] = CameraLight()
     return lights
+
+
+def _shines(light: Light) -> bool:
+    """Whether it has a radiance and a size; a dome's power is not counted."""
+    return light.radiance().any() and (isinstance(light, DomeLight) or light.power(1.0) != 0)
 
 
 def emits(scene: Scene, placement: Placement) -> bool:

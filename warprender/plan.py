@@ -15,9 +15,10 @@ from .camera import Camera
 from .emitters import lit, materials_of
 from .lights import Light
 from .lights.dispatch import FUNCTIONS
-from .materials import MATERIALS
+from .materials import MATERIALS, DisplayColor
 from .outputs import OUTPUTS
-from .scene import Scene, SceneError
+from .scene import Placement, Scene, SceneError
+from .shapes import SHAPES, Primvar
 
 TRANSPORTS = ("none", "path")
 VISIBILITIES = ("rays",)
@@ -126,7 +127,7 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     if transport == "auto":
         transport = "path" if "color" in request.outputs else "none"
     plan = RenderPlan(transport, "rays", None, None)
-    shapes = _effects(plan, "shape", {"Mesh", "Sphere"}, _shape_callers(scene), "a prim of this kind")
+    shapes = _effects(plan, "shape", {s.__name__ for s in SHAPES}, _shape_callers(scene), "a prim of this kind")
     materials = _effects(
         plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
     )
@@ -134,11 +135,13 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
+    planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
+    _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
     aovs = tuple(sorted(set(request.outputs) - {"color"}))
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
-        plan.outputs = OutputsKey(shapes, materials, effects[:1], aovs, bool(passing))
+        plan.outputs = OutputsKey(shapes, materials, tuple(e for e in effects if e != "lens"), aovs, bool(passing))
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
         kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
@@ -151,6 +154,19 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     return plan
 
 
+def everything() -> PathKey:
+    """The key with every effect compiled in: another kernel, the same pictures."""
+    return PathKey(
+        shapes=tuple(sorted(shape.__name__ for shape in SHAPES)),
+        materials=tuple(sorted(material.__name__ for material in MATERIALS)),
+        lights=tuple(sorted(FUNCTIONS)),
+        light_effects=tuple(sorted(LIGHT_EFFECTS)),
+        camera=("clippingPlanes", "lens", "orthographic", "perspective"),
+        sampled_lights=True,
+        straight_through=True,
+    )
+
+
 def check_outputs(names: tuple[str, ...]) -> None:
     """Raise a SceneError at the first name that is no output."""
     for name in names:
@@ -159,9 +175,13 @@ def check_outputs(names: tuple[str, ...]) -> None:
 
 
 def _check(request: Request) -> None:
+    if not request.outputs:
+        raise SceneError("outputs: none is asked for")
     check_outputs(request.outputs)
     if request.transport not in (*TRANSPORTS, "auto"):
         raise SceneError(f"transport {request.transport!r} is not one of auto, {', '.join(TRANSPORTS)}")
+    if request.transport == "none" and "color" in request.outputs:
+        raise SceneError("transport 'none' gives no color: ask for other outputs alone, or for transport 'path'")
     if request.visibility not in (*VISIBILITIES, "auto"):
         raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
     if request.bounces is not None and request.bounces < 0:
@@ -218,14 +238,19 @@ def _light_effects(plan: RenderPlan, lights: dict[str, Light]) -> tuple[str, ...
     return tuple(sorted(callers))
 
 
+def _primvar(scene: Scene, placement: Placement, key: str, name: str) -> Primvar | None:
+    """A primvar of a placement's shape, if its material `key` is of the kind that reads it."""
+    return placement.shape.primvars.get(name) if isinstance(scene.materials[key], DisplayColor) else None
+
+
 def _straight_through(scene: Scene) -> str:
     """The first prim that lets rays straight through, or ""."""
     for path, placement in scene.placements.items():
         for key in materials_of(placement):
             if scene.materials[key].passes_light():
                 return path
-            opacity = placement.shape.primvars.get("displayOpacity") if key == "" else None
-            if opacity is not None and (opacity.values < 1.0).any():
+            opacity = _primvar(scene, placement, key, "displayOpacity")
+            if opacity is not None and not (opacity.values >= 1.0).all():
                 return path
     return ""
 
@@ -235,7 +260,7 @@ def _largest_albedo(scene: Scene) -> float:
     for placement in scene.placements.values():
         for key in materials_of(placement):
             albedo = max(albedo, scene.materials[key].largest_albedo())
-            colors = placement.shape.primvars.get("displayColor") if key == "" else None
+            colors = _primvar(scene, placement, key, "displayColor")
             if colors is not None and len(colors.values):
                 albedo = max(albedo, float(np.nanmax(colors.values)))
     return min(albedo, 1.0)

@@ -53,7 +53,10 @@ class Surface:
 
 @wp.struct
 class Bsdf:
-    """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills."""
+    """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
+
+    `present` scales all that the surface does to light but let it through.
+    """
 
     kind: wp.int32
     emission: wp.vec3
@@ -64,6 +67,7 @@ class Bsdf:
     coat: wp.float32
     coat_f0: wp.float32
     coat_alpha: wp.float32
+    present: wp.float32
     pass_through: wp.float32
 
 
@@ -284,7 +288,8 @@ class DeviceScene:
 class CameraRecord:
     """A camera: `rotation` has right, up and backward as columns; the window is at distance 1 (or in scene units).
 
-    `window` is left, bottom, right, top. `near` and `far` are along -Z.
+    `window` is left, bottom, right, top. `near` and `far` are along -Z. `lens_radius` 0 is a pinhole. `planes`
+    (a, b, c, d) are in camera space; where a x + b y + c z + d < 0 nothing is seen.
     """
 
     position: wp.vec3
@@ -296,4 +301,6 @@ class CameraRecord:
     far: wp.float32
     lens_radius: wp.float32
     focus_distance: wp.float32
+    orthographic: wp.int32
     origin: wp.vec3
+    planes: wp.array(dtype=wp.vec4)

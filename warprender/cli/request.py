@@ -68,6 +68,7 @@ def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
         dome_light_visible=args.enableDomeLightVisibility,
         lights_visible=args.enableLightVisibility,
         filter=args.filter,
+        sampler=args.sampler,
     )
 
 

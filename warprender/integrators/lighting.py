@@ -28,7 +28,7 @@ from ..records import (
     Ray,
     Surface,
 )
-from ..sampling import DIMENSION_LIGHT, DIMENSION_LIGHT_CHOICE, power_heuristic, random_pair
+from ..sampling import DIMENSION_LIGHT, DIMENSION_LIGHT_CHOICE, SampleStream, power_heuristic, random_pair
 from ..shapes.surface import surface_function
 from ..visibility.rays import closest_after_function, closest_function, occluded_function
 
@@ -117,9 +117,7 @@ def share_of(light: LightRecord, departure: Departure) -> wp.vec3:
 
 
 @wp.func
-def hit_density(
-    scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3, surface: Surface
-) -> float:
+def hit_density(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3, surface: Surface) -> float:
     """Density per solid angle with which next-event estimation at `origin` aims at a glowing surface that was hit."""
     if light.kind == _GLOWING_SPHERE:
         return density_along(scene, light, origin, direction)
@@ -276,7 +274,7 @@ def aimed_function(key: PathKey) -> wp.Function:
 
     @wp.func
     def aimed(
-        scene: DeviceScene, surface: Surface, bsdf: Bsdf, tangent: wp.vec3, wo: wp.vec3, sample: wp.uint64, step: int
+        scene: DeviceScene, surface: Surface, bsdf: Bsdf, tangent: wp.vec3, wo: wp.vec3, sample: SampleStream, step: int
     ) -> Met:
         nothing = Met()
         u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)

@@ -9,6 +9,7 @@ from functools import cache
 import warp as wp
 
 from ..camera import camera_ray_function
+from ..color import luminance
 from ..film import FilmRecord, filter_offset
 from ..launch import launch
 from ..materials.dispatch import material_functions
@@ -20,8 +21,10 @@ from ..sampling import (
     DIMENSION_LENS,
     DIMENSION_LOBE,
     DIMENSION_PIXEL,
+    REPLICATES,
+    SampleStream,
     random_pair,
-    sample_key,
+    sample_stream,
 )
 from ..shapes.surface import surface_function
 from ..visibility.rays import closest_after_function, closest_function
@@ -38,6 +41,7 @@ class PathRequest:
     seed: wp.uint32
     first_sample: wp.int32
     samples: wp.int32
+    sobol: wp.int32
     bounces: wp.int32
     visible: Visible
 
@@ -65,7 +69,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     with_lights = bool(key.lights)
 
     @wp.func
-    def radiance(scene: DeviceScene, request: PathRequest, camera_ray: Ray, sample: wp.uint64) -> PathResult:
+    def radiance(scene: DeviceScene, request: PathRequest, camera_ray: Ray, sample: SampleStream) -> PathResult:
         result = PathResult()
         ray = camera_ray
         last = Departure()
@@ -168,10 +172,11 @@ def path_kernel(key: PathKey) -> wp.Kernel:
         y = pixel // camera.width
         total = film.sums[y, x]
         squares = film.squares[y, x]
+        replicates = film.replicates[y, x]
         rays = film.rays[y, x]
         kept = wp.int32(0)
         for s in range(request.samples):
-            sample = sample_key(request.seed, pixel, request.first_sample + s)
+            sample = sample_stream(request.seed, pixel, request.first_sample + s, request.sobol)
             u = random_pair(sample, -1, DIMENSION_PIXEL)
             px = wp.float32(x) + 0.5 + filter_offset(film.filter_table, u[0])
             py = wp.float32(y) + 0.5 + filter_offset(film.filter_table, u[1])
@@ -186,9 +191,11 @@ def path_kernel(key: PathKey) -> wp.Kernel:
                 )
                 total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
                 squares += wp.cw_mul(value, value)
+                replicates[(request.first_sample + s) % REPLICATES] += wp.float64(luminance(result.radiance))
                 kept += 1
         film.sums[y, x] = total
         film.squares[y, x] = squares
+        film.replicates[y, x] = replicates
         film.rays[y, x] = rays
         film.samples[y, x] = film.samples[y, x] + kept
         film.dropped[y, x] = film.dropped[y, x] + request.samples - kept

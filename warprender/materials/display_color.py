@@ -67,6 +67,7 @@ def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:
     opacity = wp.clamp(opacity, 0.0, 1.0)
     bsdf = Bsdf()
     bsdf.diffuse = color * opacity
+    bsdf.present = 1.0
     bsdf.pass_through = 1.0 - opacity
     return bsdf
 

@@ -27,7 +27,7 @@ class Sphere:
 
 @wp.func
 def intersect_sphere(radius: float, origin: wp.vec3, direction: wp.vec3) -> wp.vec2:
-    """Both distances along a direction of any length, near first; (1, -1) on a miss.
+    """Both distances along a direction of any length, near first; both negative on a miss.
 
     The discriminant comes from the perpendicular vector, which does not cancel far away (Haines et al., Ray Tracing
     Gems, chapter 7).
@@ -37,7 +37,7 @@ def intersect_sphere(radius: float, origin: wp.vec3, direction: wp.vec3) -> wp.v
     perpendicular = origin + direction * (b / a)
     discriminant = radius * radius - wp.dot(perpendicular, perpendicular)
     if not discriminant >= 0.0:
-        return wp.vec2(1.0, -1.0)
+        return wp.vec2(-1.0, -1.0)
     c = wp.dot(origin, origin) - radius * radius
     q = b + wp.where(b >= 0.0, 1.0, -1.0) * wp.sqrt(a * discriminant)
     near = wp.where(q == 0.0, 0.0, c / wp.where(q == 0.0, 1.0, q))

@@ -12,7 +12,7 @@ from .local_surface import LocalSurface
 from .mesh import mesh_surface
 from .sphere import sphere_surface
 
-#: A shading normal is bent until it is at least this much turned to the viewer (its cosine).
+#: A shading normal that turns away more than the surface itself is bent back to this cosine.
 _SMALLEST_COSINE = wp.constant(wp.float32(0.01))
 
 
@@ -31,7 +31,7 @@ def face_viewer(normal: wp.vec3, geometric: wp.vec3, outgoing: wp.vec3) -> wp.ve
     if wp.dot(n, geometric) < 0.0:
         n = -n
     cosine = wp.dot(n, outgoing)
-    if cosine < _SMALLEST_COSINE:
+    if cosine < _SMALLEST_COSINE and cosine < wp.dot(geometric, outgoing):
         n = wp.normalize(n + outgoing * (_SMALLEST_COSINE - cosine))
     return n
 
