@@ -5,7 +5,7 @@ from .cylinder import CylinderLight
 from .disk import DiskLight
 from .distant import DistantLight
 from .dome import DomeLight
-from .environment import Picture
+from .environment import LightTexture
 from .glowing_sphere import GlowingSphere
 from .ies import IesProfile
 from .light import Light
@@ -38,8 +38,8 @@ __all__ = [
     "GlowingSphere",
     "IesProfile",
     "Light",
+    "LightTexture",
     "MeshLight",
-    "Picture",
     "RectLight",
     "Shadow",
     "Shaping",

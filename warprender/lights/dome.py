@@ -10,7 +10,7 @@ import warp as wp
 from ..color import LUMINANCE
 from ..numerics import INFINITY
 from ..records import DeviceScene, LightRecord, LightSample
-from .environment import Picture, density_of, draw_direction, radiance_from
+from .environment import LightTexture, density_of, draw_direction, radiance_from
 from .light import Light, infinite_sample, linear_part, local_sample, no_light
 
 
@@ -26,7 +26,7 @@ class DomeLight(Light):
         poleAxis: "Y" or "Z", where the picture's top is in light space.
     """
 
-    texture: Picture | None = None
+    texture: LightTexture | None = None
     poleAxis: str = "Y"
 
     infinite = True

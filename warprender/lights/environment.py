@@ -26,7 +26,7 @@ FORMATS = ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalCr
 
 
 @dataclass
-class Picture:
+class LightTexture:
     """Texels that a light's radiance is multiplied by.
 
     Attributes:
@@ -38,7 +38,7 @@ class Picture:
     warnings: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, texels: np.ndarray) -> Picture:
+    def of(cls, texels: np.ndarray) -> LightTexture:
         """Texels that are finite and not negative: others become 0, with a warning."""
         texels = np.asarray(texels, np.float32)
         if texels.ndim != 3 or texels.shape[2] < 3 or 0 in texels.shape:

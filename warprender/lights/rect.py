@@ -9,7 +9,7 @@ import warp as wp
 
 from ..numerics import PI
 from ..records import DeviceScene, LightRecord, LightSample
-from .environment import Picture, texel_at
+from .environment import LightTexture, texel_at
 from .light import Light, flat_to_world, forwards, local_sample, no_light, point_to_light
 
 #: Below this solid angle the closed form has lost its digits in float32; the rectangle is sampled by area.
@@ -28,7 +28,7 @@ class RectLight(Light):
 
     width: float = 1.0
     height: float = 1.0
-    texture: Picture | None = None
+    texture: LightTexture | None = None
 
     def kind(self) -> str:
         """One of its own with a texture."""
