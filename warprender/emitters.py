@@ -16,8 +16,9 @@ _WORTH_AIMING_AT = 1e-3
 
 def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
     """The lights that emit, by path: the stage's, then glowing geometry, the camera light last when it is on."""
-    lights = {path: light for path, light in scene.lights.items() if _shines(light)}
-    total = sum(light.power(1.0) for light in lights.values())
+    powers = {path: light.power(1.0) for path, light in scene.lights.items()}
+    lights = {path: light for path, light in scene.lights.items() if powers[path] != 0 or _is_lit_dome(light)}
+    total = sum(powers.values())
     taken = {light.prim for light in lights.values() if isinstance(light, MeshLight)}
     glowing = {path: glow_power(scene, p) for path, p in scene.placements.items() if path not in taken}
     total += sum(glowing.values())
@@ -30,9 +31,9 @@ def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
     return lights
 
 
-def _shines(light: Light) -> bool:
-    """Whether it has a radiance and a size; a dome's power is not counted."""
-    return light.radiance().any() and (isinstance(light, DomeLight) or light.power(1.0) != 0)
+def _is_lit_dome(light: Light) -> bool:
+    """Whether it is a dome that emits: one without a texture is not aimed at, and answers a power of 0."""
+    return isinstance(light, DomeLight) and bool(light.radiance().any())
 
 
 def emits(scene: Scene, placement: Placement) -> bool:

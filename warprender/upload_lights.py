@@ -77,7 +77,7 @@ class LightUpload:
         members = self._members(lights)
         rows = np.zeros(len(members), LightRecord.numpy_dtype())
         power = np.array([self._row(rows[i], *member) for i, member in enumerate(members)])
-        self._invert(rows)
+        self._invert(rows, members)
         power[rows["determinant"] <= 0.0] = 0.0
         for number, (_, _, instance) in enumerate(members):
             if instance >= 0 and power[number] > 0:
@@ -133,11 +133,6 @@ class LightUpload:
         row["image"] = self._image(path, light)
         self._shaping_row(row, light)
         self._shadow_row(row, light)
-        if not np.isfinite(row["linear"]).all() or not np.isfinite(row["position"]).all():
-            row["linear"], row["position"] = 0.0, 0.0
-        if abs(np.linalg.det(row["linear"].astype(np.float64))) <= 0.0:
-            self.warnings.append(f"{path}: the light's transform is singular or not finite; it gives no light")
-            row["radiance"] = 0.0
         return max(light.power(self._radius), 0.0)
 
     def _glow_row(self, row: np.void, light: MeshLight, instance: int) -> MeshLight:
@@ -218,11 +213,17 @@ class LightUpload:
         row["shadow_color"], row["shadow_distance"] = shadow.color, shadow.distance
         row["shadow_falloff"], row["shadow_gamma"] = shadow.falloff, shadow.falloffGamma
 
-    def _invert(self, rows: np.ndarray) -> None:
-        """Inverse and |determinant| of all rows at once; a determinant of 0 where there is none."""
+    def _invert(self, rows: np.ndarray, members: list[tuple[str, Light, int]]) -> None:
+        """Inverse and |determinant| of all rows at once; lights that have none give no light."""
+        finite = np.isfinite(rows["linear"]).all((1, 2)) & np.isfinite(rows["position"]).all(1)
+        rows["linear"][~finite], rows["position"][~finite] = 0.0, 0.0
         linear = rows["linear"].astype(np.float64)
         determinant = np.abs(np.linalg.det(linear))
         good = np.isfinite(determinant) & (determinant > 0)
+        rows["radiance"][~good] = 0.0
+        for number in np.flatnonzero(~good):
+            path = members[number][0]
+            self.warnings.append(f"{path}: the light's transform is singular or not finite; it gives no light")
         rows["inverse"][good] = np.linalg.inv(linear[good])
         rows["determinant"] = np.where(good, determinant, 0.0)
 

@@ -93,14 +93,17 @@ class Light:
 
     def emission_cone(self) -> tuple[np.ndarray, float, float]:
         """Axis in light space, angle of full emission about it, and angle over which it fades beyond, in radians."""
-        return np.array([0.0, 0.0, -1.0]), self._cut(np.pi), np.pi / 2 if self._cut(np.pi) == np.pi else _RIM
+        cut = self._cut(np.pi)
+        return np.array([0.0, 0.0, -1.0]), cut, np.pi / 2 if cut == np.pi else _RIM
 
     def _cut(self, widest: float) -> float:
         """Angle in the world from the light's axis beyond which its cone cuts all emission; at most `widest`."""
         cut = self.shaping.cone()[1]
+        if cut >= widest:
+            return widest
         linear = linear_part(self.transform)
         scale2 = np.sum(linear * linear) / 3
-        if cut >= widest or not np.allclose(linear @ linear.T, scale2 * np.eye(3), atol=1e-4 * scale2):
+        if not np.allclose(linear @ linear.T, scale2 * np.eye(3), atol=1e-4 * scale2):
             return widest
         return cut
 
