@@ -250,7 +250,7 @@ def draw_direction(image: ImageRecord, u: wp.vec2) -> wp.vec3:
             low = middle + 1
     row = low
     s = share_of(image.rows[row], image.rows[row + 1], u[1])
-    low = 0
+    low = wp.int32(0)
     high = columns - 1
     while low < high:
         middle = (low + high) // 2

@@ -79,9 +79,10 @@ def photometric(scene: DeviceScene, light: LightRecord, emission: wp.vec3) -> fl
     The horizontal angle is that of the direction towards the light, as in OpenUSD's hdEmbree.
     """
     theta = angle_from_axis(emission)
-    if light.angle_scale > 0.0:
+    # An animation that passes through 0 may miss it by its rounding.
+    if light.angle_scale > 1.0e-6:
         theta = wp.min(theta / light.angle_scale, PI)
-    elif light.angle_scale < 0.0:
+    elif light.angle_scale < -1.0e-6:
         theta = wp.max((theta - PI) / -light.angle_scale + PI, 0.0)
     phi = wp.atan2(-emission[1], -emission[0])
     return profile_value(scene.profiles[light.profile], theta, wp.where(phi < 0.0, phi + 2.0 * PI, phi))
