@@ -79,7 +79,7 @@ def sampled(material, wo, n=1 << 15, seed=0):
 
 
 def weights(samples):
-    """F cos θ / pdf of each sample: (N, 3), 0 where it was absorbed."""
+    """Value of f cos θ / pdf of each sample: (N, 3), 0 where it was absorbed."""
     weight = samples["diffuse"].astype(float) + samples["specular"]
     return np.where((samples["event"] == ABSORB)[:, None], 0.0, weight)
 

@@ -12,7 +12,7 @@ from warprender.sampling import (
     one_minus_cos,
     power_heuristic,
     random_pair,
-    sample_key,
+    sample_stream,
     uniform_cone,
     unit_disk,
 )
@@ -23,13 +23,13 @@ N = 1 << 18
 @wp.kernel(module="unique", enable_backward=False)
 def keys_of(seed: wp.uint32, first_pixel: int, samples: int, out: wp.array(dtype=wp.uint64)):
     i = wp.tid()
-    out[i] = sample_key(seed, first_pixel + i // samples, i % samples)
+    out[i] = sample_stream(seed, first_pixel + i // samples, i % samples, 0).key
 
 
 @wp.kernel(module="unique", enable_backward=False)
-def pairs_of(seed: wp.uint32, samples: int, bounce: int, dimension: int, out: wp.array(dtype=wp.vec2)):
+def pairs_of(seed: wp.uint32, samples: int, bounce: int, dimension: int, sobol: int, out: wp.array(dtype=wp.vec2)):
     i = wp.tid()
-    out[i] = random_pair(sample_key(seed, i // samples, i % samples), bounce, dimension)
+    out[i] = random_pair(sample_stream(seed, i // samples, i % samples, sobol), bounce, dimension)
 
 
 def keys(seed, first_pixel=0, samples=64, n=1 << 19):
@@ -38,9 +38,9 @@ def keys(seed, first_pixel=0, samples=64, n=1 << 19):
     return out.numpy()
 
 
-def pairs(seed=0, samples=64, bounce=0, dimension=0, n=N):
+def pairs(seed=0, samples=64, bounce=0, dimension=0, n=N, sobol=0):
     out = wp.empty(n, dtype=wp.vec2)
-    wp.launch(pairs_of, n, [seed, samples, bounce, dimension, out])
+    wp.launch(pairs_of, n, [seed, samples, bounce, dimension, sobol, out])
     return out.numpy()
 
 
@@ -218,3 +218,29 @@ def test_the_next_float_is_numpys():
         got = mapped(next_float, wp.float32, x, np.full(len(x), direction))
         np.testing.assert_array_equal(got, np.nextafter(x, np.float32(direction * np.inf)))
     np.testing.assert_array_equal(mapped(next_float, wp.float32, x, np.zeros(len(x))), x)
+
+
+@pytest.mark.parametrize("count", [16, 64, 256])
+def test_each_replicate_of_the_sobol_points_puts_one_point_in_every_elementary_box(count):
+    pixels = 8
+    points = pairs(seed=3, samples=4 * count, bounce=1, dimension=2, n=pixels * 4 * count, sobol=1)
+    nets = points.reshape(pixels, count, 4, 2).swapaxes(1, 2).reshape(-1, count, 2).astype(np.float64)
+    for columns in 2 ** np.arange(int(np.log2(count)) + 1):
+        box = np.floor(nets[..., 0] * columns) * (count // columns) + np.floor(nets[..., 1] * (count // columns))
+        assert (np.sort(box, 1) == np.arange(count)).all()
+
+
+def test_sobol_points_of_pixels_dimensions_and_replicates_are_independent():
+    n, samples = 1 << 16, 64
+    base = pairs(samples=samples, n=n, sobol=1)
+    others = [
+        pairs(samples=samples, n=n, sobol=1, dimension=1),
+        pairs(samples=samples, n=n, sobol=1, bounce=1),
+        pairs(samples=samples, n=n, sobol=1, seed=1),
+        np.roll(base, samples, 0),
+        np.roll(base.reshape(-1, samples, 2), 1, 1).reshape(-1, 2),
+    ]
+    for other in others:
+        for a in base.T:
+            for b in other.T:
+                assert abs(np.corrcoef(a, b)[0, 1]) < 4.5 / np.sqrt(n)

@@ -118,6 +118,17 @@ def test_joint_indices_out_of_range_leave_the_rest_pose_with_a_warning():
     assert len(scene.warnings) == 1 and scene.warnings[0].startswith("/r/m: its skeleton")
 
 
+def test_a_prim_without_points_moves_with_its_joint():
+    rigid = """def Sphere "ball" ( prepend apiSchemas = ["SkelBindingAPI"] ) {
+        int[] primvars:skel:jointIndices = [1] ( interpolation = "constant" )
+        float[] primvars:skel:jointWeights = [1] ( interpolation = "constant" )
+        matrix4d primvars:skel:geomBindTransform = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (2, 0, 0, 1))
+        rel skel:skeleton = </r/s> }
+    def Mesh"""
+    scene = scene_of((RIG % "").replace("def Mesh", rigid))
+    np.testing.assert_allclose(scene.placements["/r/ball"].transforms[0, 3, :3], [101, 1, 0], atol=1e-6)
+
+
 @pytest.mark.parametrize("method", ["classicLinear", "dualQuaternion"])
 def test_both_methods_agree_with_usds_own_baking(method):
     from pxr import Gf, UsdGeom, UsdSkel

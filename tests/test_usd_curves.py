@@ -119,6 +119,26 @@ def test_normals_make_ribbons_that_face_them():
     np.testing.assert_allclose(np.abs(mesh.normals.values[:, 2]), 1)
 
 
+def test_hermite_curves_pass_their_points_along_their_tangents():
+    scene = scene_of(
+        """def HermiteCurves "h" { int[] curveVertexCounts = [2, 3]
+            point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 5, 0), (1, 5, 0), (2, 5, 0)]
+            vector3f[] tangents = [(0, 2, 0), (0, -2, 0), (1, 0, 0), (1, 0, 0), (1, 0, 0)]
+            float[] widths = [0.02]
+            color3f[] primvars:displayColor = [(0, 0, 0), (1, 0, 0), (0, 0, 0), (1, 0, 0), (0, 0, 0)] (
+                interpolation = "vertex" ) }"""
+    )
+    mesh = scene.meshes["/h"]
+    first = mesh.points[np.unique(mesh.triangles[mesh.faces == 0])]
+    # In the middle of a Hermite curve the tangents' difference counts an eighth.
+    assert first[:, 1].max() == pytest.approx(0.5 + 0.01, abs=1e-3)
+    second = np.unique(mesh.triangles[mesh.faces == 1])
+    np.testing.assert_allclose(mesh.points[second, 1], 5, atol=0.011)
+    red = mesh.primvars["displayColor"].values[second, 0]
+    np.testing.assert_allclose(red, 1 - np.abs(mesh.points[second, 0] - 1), atol=1e-5)
+    assert not scene.warnings
+
+
 def test_curves_without_widths_are_thin():
     assert np.ptp(scene_of(CURVES % "").meshes["/c"].points[:, 2]) < 0.01
 

@@ -181,6 +181,20 @@ def test_loop_on_quads_draws_the_cage_with_a_warning():
     assert "triangles only" in scene.warnings[0]
 
 
+SURFACE = "int3[] surfaceFaceVertexIndices = [(0, 1, 3), (0, 2, 1), (0, 3, 2), (1, 2, 3)]"
+
+
+@pytest.mark.parametrize("surface", ["", SURFACE])
+def test_tetrahedra_show_their_surface_from_outside(surface):
+    scene = scene_of(
+        f"""def TetMesh "t" {{ point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)]
+            int4[] tetVertexIndices = [(0, 1, 2, 3)]
+            {surface} }}"""
+    )
+    a, b, c = np.moveaxis(scene.meshes["/t"].points[scene.meshes["/t"].triangles].astype(float), 1, 0)
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(1 / 6)
+
+
 def test_kinds_that_are_not_drawn_yet_are_named_once():
     prims = "\n".join(f'def Volume "v{k}" {{ }}' for k in range(9))
     assert scene_of(prims).warnings == ["/v0 and 8 more prims: Volume is not drawn yet"]

@@ -79,6 +79,15 @@ def test_singular_and_infinite_transforms_are_skipped_with_one_warning_each():
     assert [line.split(":")[0] for line in scene.warnings] == ["/odd", "/flat", "/lost"]
 
 
+def test_transforms_that_are_not_affine_are_named():
+    scene = scene_of(
+        """def Sphere "s" { matrix4d xformOp:transform = ((1, 0, 0, 0.5), (0, 1, 0, 0), (0, 0, 1, 0), (3, 0, 0, 2))
+            uniform token[] xformOpOrder = ["xformOp:transform"] }"""
+    )
+    assert scene.placements["/s"].transforms[0, :, 3].tolist() == [0, 0, 0, 1]
+    assert scene.warnings == ["/s: its transform is not affine; the last column is ignored"]
+
+
 NATIVE = """
 class "proto" { def Mesh "m" {
     int[] faceVertexCounts = [3]

@@ -63,11 +63,14 @@ class Camera:
     def fault(self) -> str:
         """Why no picture can be taken with it, in a few words; "" for a good camera."""
         near, far = self.clippingRange
+        offsets = (self.horizontalApertureOffset, self.verticalApertureOffset)
         if self.projection not in ("perspective", "orthographic"):
             return f"projection {self.projection!r} is neither perspective nor orthographic"
         for name in ("focalLength", "horizontalAperture", "verticalAperture"):
             if not 0 < getattr(self, name) < np.inf:
                 return f"{name} is {getattr(self, name)}; this camera sees nothing"
+        if not np.isfinite(offsets).all():
+            return f"its aperture offsets {offsets} are not finite"
         if not (near < far) or (self.projection == "perspective" and near <= 0):
             return f"clippingRange ({near:g}, {far:g}) is empty or starts behind the camera"
         if not np.isfinite(self.transform).all() or np.linalg.matrix_rank(self.transform[:3, :3]) < 3:
@@ -125,7 +128,8 @@ class Camera:
         record.near, record.far = self.clippingRange
         if "lens" in self.effects():
             record.lens_radius = 0.05 * self.focalLength / self.fStop
-        record.focus_distance = self.focusDistance
+        # Focused on infinity: finite, so that the vector to the focus is, too.
+        record.focus_distance = min(self.focusDistance, 1e30)
         record.orthographic = int(self.projection == "orthographic")
         record.origin = wp.vec3(*origin)
         record.planes = wp.array(self.clippingPlanes, dtype=wp.vec4, device=device) if self.clippingPlanes else None

@@ -23,8 +23,8 @@ class Frame:
             is vec4 float32: linear Rec.709, premultiplied by alpha. The others are float32, int32 or vec3, as
             `warprender.outputs.OUTPUTS` says; a vector array becomes (H, W, C) in other libraries.
         stats: what the render took: "seconds" by stage, "samples" a pixel, "interrupted", "plan", "warnings";
-            with color also "rays" by kind, "error" (relative RMS standard error) and "dropped samples" (those
-            that were not finite).
+            with color also "rays" by kind, "error" (relative RMS standard error of luminance; inf below 4
+            samples) and "dropped samples" (those that were not finite).
         receipt: what rendering it again needs: plan, request, seed, samples, versions, stage hash; JSON-able.
     """
 

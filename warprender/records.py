@@ -7,6 +7,11 @@ from __future__ import annotations
 
 import warp as wp
 
+from .numerics import mat34
+
+#: Kinds of `Geometry`.
+MESH, SPHERE = 0, 1
+
 #: Number of inputs that a material row has room for.
 MATERIAL_INPUTS = 16
 
@@ -84,7 +89,7 @@ class BsdfValue:
 class BsdfSample:
     """A sampled direction in the shading frame and f · |cos θ| / pdf; pdf 0 marks a delta lobe.
 
-    `event` is one of the EVENT constants.
+    `event` is one of the EVENT constants; `stay` is the probability that it is not EVENT_PASS.
     """
 
     direction: wp.vec3
@@ -92,6 +97,7 @@ class BsdfSample:
     specular: wp.vec3
     pdf: wp.float32
     event: wp.int32
+    stay: wp.float32
 
 
 EVENT_ABSORB = wp.constant(wp.int32(0))
@@ -114,6 +120,40 @@ class LightSample:
     pdf: wp.float32
     delta: wp.int32
     hit: Hit
+
+
+@wp.struct
+class Geometry:
+    """A shape in its own space: the triangles of a tree, or a sphere about the origin."""
+
+    kind: wp.int32  # MESH or SPHERE
+    radius: wp.float32
+    mesh: wp.uint64  # wp.Mesh, walked on CUDA; 0: no faces
+    nodes: wp.uint64  # wide nodes and blocks of triangles, walked on the CPU; 0: no faces
+    blocks: wp.uint64
+
+
+@wp.struct
+class Instance:
+    """One geometry, placed in the world."""
+
+    to_object: mat34
+    to_world: mat34
+    geometry: wp.int32
+    placed: wp.int32  # 0 where to_object is the identity
+
+
+@wp.struct
+class World:
+    """All instances and the tree over their boxes: what ``scene_closest`` and ``scene_occluded`` walk."""
+
+    geometries: wp.array(dtype=Geometry)
+    instances: wp.array(dtype=Instance)
+    count: wp.int32
+    tree: wp.uint64  # wp.Bvh over the instances' boxes, walked on CUDA
+    nodes: wp.uint64  # the same made wide, and its leaves' items, walked on the CPU
+    items: wp.uint64
+    pad: wp.float32  # growth of those boxes per unit of the ray origin's largest component
 
 
 @wp.struct
@@ -227,7 +267,6 @@ class GeometryRecord:
     """A shape in object space, stored once. `kind` indexes SHAPES; `mesh` is a `wp.Mesh` id."""
 
     kind: wp.int32
-    mesh: wp.uint64
     points: wp.array(dtype=wp.vec3)
     indices: wp.array(dtype=wp.int32)
     faces: wp.array(dtype=wp.int32)
@@ -264,7 +303,7 @@ class DeviceScene:
 
     instances: wp.array(dtype=InstanceRecord)
     geometries: wp.array(dtype=GeometryRecord)
-    tree: wp.uint64
+    world: World
     materials: wp.array(dtype=MaterialRecord)
     albedo: wp.array2d(dtype=wp.vec3)
     primvars: wp.array(dtype=PrimvarRecord)

@@ -103,7 +103,7 @@ class Renderer:
         self._upload = Upload(scene, lights, self.camera.transform[3, :3], device)
         for warning in self._upload.warnings:
             scene.warn(warning)
-        if not scene.placements:
+        if not (scene.placements or dome_light_visible or lights_visible):
             scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
         settings = scene.settings
         self._camera_record = self.camera.record(

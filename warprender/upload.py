@@ -20,6 +20,7 @@ from .scene import Placement, Scene
 from .shapes import SHAPES, Mesh, Sphere
 from .shapes.primvar import absent_primvar
 from .upload_lights import LightUpload, Placed
+from .visibility.trees import MeshTree, SphereShape, WorldTree
 
 #: Primvars that materials read, in the order of their slots.
 _PRIMVARS = ("displayColor", "displayOpacity")
@@ -45,6 +46,7 @@ class Upload:
         self._geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
+        self._trees: list[MeshTree | SphereShape] = []
         self.record = DeviceScene()
         self._shapes: dict[int, Mesh | Sphere] = {}
         self._drawn: dict[int, np.ndarray] = {}
@@ -73,18 +75,18 @@ class Upload:
         self.record.primvar_count = len(_PRIMVARS)
         used = [any(p.interpolation >= 0 for p in self._primvars[k :: len(_PRIMVARS)]) for k in range(2)]
         self.record.display_color, self.record.display_opacity = (k if used[k] else -1 for k in range(2))
-        if len(box):
-            self._build_tree(box - self.origin)
+        self._build_world(rows)
         return Placed(table, self._shapes, self._drawn, box, self.bounds, self.origin)
 
-    def _build_tree(self, box: np.ndarray) -> None:
-        # Outwards by more than the rounding of a transformed vertex.
-        margin = np.abs(box).max((1, 2), keepdims=True)[:, 0] * 2.0**-20 + np.finfo(np.float32).tiny
-        lower = wp.array(box[:, 0] - margin, dtype=wp.vec3, device=self.device)
-        upper = wp.array(box[:, 1] + margin, dtype=wp.vec3, device=self.device)
-        tree = wp.Bvh(lower, upper)
-        self._kept += [lower, upper, tree]
-        self.record.tree = tree.id
+    def _build_world(self, rows: list[np.ndarray]) -> None:
+        """The trees that rays walk, over instances in the order of their records."""
+        if not rows:
+            return
+        table = np.concatenate(rows)
+        placed = np.concatenate([table["linear"], table["translation"][:, :, None]], 2)
+        world = WorldTree(self._trees, table["geometry"], placed, self.device)
+        self._kept.append(world)
+        self.record.world = world.world
 
     def _instance_rows(
         self, path: str, prim: int, placement: Placement, geometry: int
@@ -92,8 +94,8 @@ class Upload:
         """Instance records of a placement and their world boxes (K, 2, 3), singular transforms left out."""
         linear = placement.transforms[:, :3, :3].swapaxes(1, 2)
         translation = placement.transforms[:, 3, :3]
-        with np.errstate(all="ignore"):
-            good = np.isfinite(placement.transforms).all((1, 2)) & (np.linalg.cond(linear) < 1e12)
+        inverse, condition = _inverses(linear)
+        good = np.isfinite(placement.transforms).all((1, 2)) & (condition < 1e12)
         if not good.all():
             self.warnings.append(f"{path}: {int((~good).sum())} singular or non-finite transforms are not drawn")
         linear, translation = linear[good], translation[good]
@@ -105,7 +107,7 @@ class Upload:
         rows["light"] = -1
         rows["instance_id"] = placement.instance_ids[good]
         rows["linear"] = linear
-        rows["inverse"] = np.linalg.inv(linear)
+        rows["inverse"] = inverse[good]
         rows["translation"] = translation - self.origin
         low, high = self._boxes[geometry]
         middle = np.einsum("kij,j->ki", linear, (low + high) / 2) + translation
@@ -139,6 +141,7 @@ class Upload:
             return None
         record = GeometryRecord()
         record.radius = sphere.radius
+        self._trees.append(SphereShape(sphere.radius))
         record.normals = absent_primvar()
         self._boxes.append(np.array([[-sphere.radius] * 3, [sphere.radius] * 3]))
         return record
@@ -164,9 +167,7 @@ class Upload:
             record.normals = mesh.normals.upload(mesh.corners[keep], self.device)
         if mesh.face_materials:
             record.face_material = self._array(self._face_materials(mesh, material), wp.int32)
-        tree = wp.Mesh(record.points, record.indices)
-        self._kept.append(tree)
-        record.mesh = tree.id
+        self._trees.append(MeshTree(record.points, record.indices))
         used = points[np.unique(triangles)].astype(np.float64)
         self._boxes.append(np.stack([used.min(0), used.max(0)]))
         return record
@@ -199,6 +200,17 @@ def camera_light_at(light: CameraLight, transform: np.ndarray) -> CameraLight:
     light.transform = np.eye(4)
     light.transform[3] = transform[3]
     return light
+
+
+def _inverses(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverses (K, 3, 3) and condition numbers (K,) by cofactors: LAPACK takes ten times as long for a million."""
+    with np.errstate(all="ignore"):
+        scale = np.abs(matrices).max((1, 2), initial=0.0)[:, None, None]
+        a, b, c = np.moveaxis(matrices / scale, 1, 0)
+        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
+        inverses = cofactors / np.einsum("ki,ki->k", a, cofactors[:, :, 0])[:, None, None] / scale
+        condition = np.linalg.norm(matrices, axis=(1, 2)) * np.linalg.norm(inverses, axis=(1, 2))
+    return inverses, condition
 
 
 def _drawable(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -35,7 +35,7 @@ from ..visibility.rays import closest_after_function, closest_function, occluded
 #: Surfaces that a ray goes straight through, at most.
 MOST_PASSES = wp.constant(wp.int32(1024))
 #: Up to this many lights are met one by one; a tree over their boxes costs more than that.
-FEW_LIGHTS = wp.constant(wp.int32(8))
+FEW_LIGHTS = wp.constant(wp.int32(4))
 
 _GLOWING_SPHERE = wp.constant(wp.int32(kind_of("GlowingSphere")))
 
@@ -89,7 +89,9 @@ def shadow_ray(surface: Surface, light: LightSample) -> Ray:
     ray.direction = light.direction
     ray.t_max = INFINITY
     if light.distance < INFINITY:
-        ray.t_max = light.distance - end_margin(surface.position, light.distance)
+        # The light is as far from the surface as it was: what the offset took is not left to go.
+        gone = wp.dot(ray.origin - surface.position, ray.direction)
+        ray.t_max = light.distance - gone - end_margin(surface.position, light.distance)
     return ray
 
 
@@ -195,17 +197,17 @@ def met_function(key: PathKey) -> wp.Function:
         index: int,
         total: Met,
     ) -> Met:
-        light = scene.lights[index]
         if departure.prim < 0:
-            if visible.lights == 0 and (light.is_dome == 0 or visible.domes == 0):
+            if visible.lights == 0 and (scene.lights[index].is_dome == 0 or visible.domes == 0):
                 return total
         if wp.static("linking" in effects):
             if departure.prim >= 0:
-                if not is_linked(scene, light.links, departure.prim):
+                if not is_linked(scene, scene.lights[index].links, departure.prim):
                     return total
-        found = meet_light(scene, light, ray.origin, ray.direction)
-        if found.pdf <= 0.0 and found.distance <= 0.0:
+        found = meet_light(scene, scene.lights[index], ray.origin, ray.direction)
+        if found.distance <= 0.0:
             return total
+        light = scene.lights[index]
         arriving = found.radiance
         changed = wp.bool(False)
         if wp.static("shadows" in effects):

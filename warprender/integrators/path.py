@@ -121,7 +121,11 @@ def radiance_function(key: PathKey) -> wp.Function:
             # 4. Next-event estimation: aim at one light, weighted against meeting it by chance.
             if wp.static(sampled_lights):
                 reflected = aimed(scene, surface, bsdf, tangent, wo, sample, step)
-                result.radiance += wp.cw_mul(throughput, reflected.radiance)
+                chance = wp.float32(1.0)
+                if wp.static(straight_through):
+                    # Paths that went straight through did not aim: those that stayed stand for them.
+                    chance = scattered.stay
+                result.radiance += wp.cw_mul(throughput, reflected.radiance) / chance
                 result.rays += wp.vec3i(0, 0, reflected.count)
 
             # 5. Follow the sampled direction, unless it dips below the true surface.

@@ -21,7 +21,7 @@ class LinkSets:
 
     def row(self, excluded: frozenset[str]) -> int:
         """The row of the set of all prims but those excluded; -1 for the set of all."""
-        excluded = excluded & self._numbers.keys()
+        excluded = frozenset(path for path in excluded if path in self._numbers)
         if not excluded:
             return -1
         if excluded not in self._rows:

@@ -94,6 +94,7 @@ def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float)
     """Cosine-weighted, or straight through."""
     result = BsdfSample()
     p = scatter_probability(bsdf)
+    result.stay = p
     if lobe >= p:
         result.event = EVENT_PASS
         result.direction = -wo

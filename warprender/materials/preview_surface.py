@@ -263,9 +263,10 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
 
 
 @wp.func
-def mirror(bsdf: Bsdf, wo: wp.vec3, weight: wp.vec3, probability: float) -> BsdfSample:
+def mirror(bsdf: Bsdf, wo: wp.vec3, weight: wp.vec3, probability: float, stay: float) -> BsdfSample:
     """A delta reflection about the normal."""
     result = BsdfSample()
+    result.stay = stay
     result.event = wp.where(probability > 0.0, EVENT_DELTA, EVENT_ABSORB)
     result.direction = wp.vec3(-wo[0], -wo[1], wo[2])
     result.specular = weight * (bsdf.present / probability)
@@ -277,18 +278,19 @@ def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float)
     """Pick a lobe, sample it, and weigh by the pdf of all lobes that could have given the direction."""
     result = BsdfSample()
     probability = lobe_probabilities(scene, bsdf, wo)
+    result.stay = 1.0 - probability[3]
     wi = wp.vec3(0.0, 0.0, 0.0)
     if lobe < probability[0]:
         wi = cosine_hemisphere(u)
     elif lobe < probability[0] + probability[1]:
         if bsdf.alpha < SMALLEST_ALPHA:
             below_coat = 1.0 - coat_albedo(scene, bsdf, wo[2])
-            return mirror(bsdf, wo, schlick(bsdf.f0, bsdf.f90, wo[2]) * below_coat, probability[1])
+            return mirror(bsdf, wo, schlick(bsdf.f0, bsdf.f90, wo[2]) * below_coat, probability[1], result.stay)
         h = ggx_visible_normal(wo, bsdf.alpha, u)
         wi = h * (2.0 * wp.dot(wo, h)) - wo
     elif lobe < probability[0] + probability[1] + probability[2]:
         if bsdf.coat_alpha < SMALLEST_ALPHA:
-            return mirror(bsdf, wo, wp.vec3(coat_fresnel(bsdf, wo[2])), probability[2])
+            return mirror(bsdf, wo, wp.vec3(coat_fresnel(bsdf, wo[2])), probability[2], result.stay)
         h = ggx_visible_normal(wo, bsdf.coat_alpha, u)
         wi = h * (2.0 * wp.dot(wo, h)) - wo
     elif probability[3] > 0.0:

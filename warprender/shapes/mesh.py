@@ -8,7 +8,7 @@ import mapbox_earcut
 import numpy as np
 import warp as wp
 
-from ..numerics import GAMMA_7, max_component
+from ..numerics import max_component, triangle_point
 from ..records import GeometryRecord, Hit
 from .local_surface import LocalSurface
 from .primvar import Primvar, interpolate
@@ -160,10 +160,10 @@ def mesh_surface(geometry: GeometryRecord, hit: Hit) -> LocalSurface:
     p0 = geometry.points[i]
     p1 = geometry.points[j]
     p2 = geometry.points[k]
-    w = 1.0 - hit.u - hit.v
+    position, error = triangle_point(p0, p1, p2, hit.u, hit.v)
     local = LocalSurface()
-    local.position = p0 * w + p1 * hit.u + p2 * hit.v
-    local.error = (wp.abs(p0 * w) + wp.abs(p1 * hit.u) + wp.abs(p2 * hit.v)) * GAMMA_7
+    local.position = position
+    local.error = error
     local.geometric_normal = triangle_normal(p0, p1, p2)
     local.normal = local.geometric_normal
     local.face = geometry.faces[hit.face]

@@ -6,7 +6,7 @@ from functools import cache
 
 import warp as wp
 
-from ..numerics import is_finite, safe_normalize, transformed_point_error
+from ..numerics import is_finite, place_point, safe_normalize
 from ..records import DeviceScene, Hit, InstanceRecord, Ray, Surface
 from .local_surface import LocalSurface
 from .mesh import mesh_surface
@@ -43,8 +43,10 @@ def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surfac
     surface = Surface()
     surface.hit = hit
     surface.geometry = instance.geometry
-    surface.position = instance.linear * local.position + instance.translation
-    surface.error = transformed_point_error(instance.linear, instance.translation, local.position, local.error)
+    placed = scene.world.instances[hit.instance]
+    position, error = place_point(placed.to_world, placed.to_object, local.position, local.error)
+    surface.position = position
+    surface.error = error
     surface.outgoing = -safe_normalize(ray.direction)
     cotangent = wp.transpose(instance.inverse)
     n = safe_normalize(cotangent * local.geometric_normal)

@@ -1,4 +1,4 @@
-"""UsdGeomMesh as a shape."""
+"""UsdGeomMesh and UsdGeomTetMesh as shapes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .primvars import read_builtin, read_primvars
 from .reading import Reading
 from .skeletons import posed_normals, posed_points
 from .subdivided import is_left_handed, subdivide
-from .topology import Topology, read_topology
+from .topology import Topology, checked_topology, read_topology
 
 #: Schemes whose authored normals USD ignores and whose cage shades smoothly.
 SMOOTH_SCHEMES = ("catmullClark", "loop")
@@ -43,6 +43,32 @@ def read_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
         if mesh.normals and moved is not None and not is_smooth(reading, schema):
             mesh.normals = posed_normals(mesh.normals, moved, topology.indices)
     mesh.double_sided = bool(reading.get(schema.GetDoubleSidedAttr()))
+    return mesh if len(mesh.triangles) else None
+
+
+def read_tet_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
+    """The surface of a tetrahedral mesh, as authored or computed, or None where there is nothing to draw."""
+    schema = UsdGeom.TetMesh(prim)
+    points = read_points(reading, schema)
+    surface = reading.get(schema.GetSurfaceFaceVertexIndicesAttr())
+    if not surface and reading.get(schema.GetTetVertexIndicesAttr()):
+        surface = UsdGeom.TetMesh.ComputeSurfaceFaces(schema, reading.time)
+    if points is None or not len(points) or not surface:
+        return None
+    triangles = np.array(surface, np.int64).reshape(-1, 3)
+    none = np.zeros(0, np.int64)
+    counts = np.full(len(triangles), 3)
+    topology = checked_topology(reading, prim, points, counts, triangles.reshape(-1), none)
+    sizes = topology.sizes(len(points))
+    mesh = Mesh.from_polygons(
+        np.nan_to_num(points, nan=0.0, posinf=0.0, neginf=0.0),
+        topology.counts,
+        topology.indices,
+        left_handed=reading.get(schema.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded,
+        hole_faces=topology.broken,
+        normals=read_builtin(reading, prim, "normals", sizes, 3),
+        primvars=read_primvars(reading, prim, sizes),
+    )
     return mesh if len(mesh.triangles) else None
 
 

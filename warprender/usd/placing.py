@@ -13,9 +13,9 @@ from ..materials import PreviewSurface
 from ..scene import Placement
 from ..shapes import Mesh, Sphere
 from .binding import Bindings
-from .curves import read_curves
+from .curves import read_curves, read_hermite_curves
 from .draw_modes import read_stand_in
-from .geometry import read_mesh
+from .geometry import read_mesh, read_tet_mesh
 from .gprims import KINDS, read_gprim
 from .lights import geometry_light_targets, read_light, read_mesh_light
 from .points import points_frame, read_point
@@ -30,8 +30,10 @@ BLACK = "no material response"
 #: Prim type to the reader of its shape; what is not here is not drawn yet, and says so.
 SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
     "Mesh": read_mesh,
+    "TetMesh": read_tet_mesh,
     "Points": read_point,
     "BasisCurves": read_curves,
+    "HermiteCurves": read_hermite_curves,
     **dict.fromkeys(KINDS, read_gprim),
 }
 
@@ -132,6 +134,9 @@ def place_lights(reading: Reading, visit: Visit) -> None:
 def _drawable_copies(reading: Reading, visit: Visit) -> tuple[np.ndarray, np.ndarray]:
     """Transforms (K, 4, 4) and instance ids (K,) without those that are not finite or flatten space."""
     transforms = visit.transforms()
+    if (transforms[:, :, 3] != (0, 0, 0, 1)).any() and np.isfinite(transforms[:, :, 3]).all():
+        reading.remark(visit.prim, "its transform is not affine; the last column is ignored")
+        transforms[:, :, 3] = (0, 0, 0, 1)
     scales = np.linalg.norm(transforms[:, :3, :3], axis=2)
     with np.errstate(all="ignore"):
         volume = np.abs(np.linalg.det(transforms[:, :3, :3])) / scales.prod(1)

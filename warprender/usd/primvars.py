@@ -103,7 +103,9 @@ def checked(
 
 
 def inherited_from(prim: Usd.Prim) -> tuple[str, ...]:
-    """Paths of the attributes that primvars are inherited from: what may differ between two instances."""
+    """Paths of the attributes that an instance inherits primvars from: what may differ between two instances."""
+    if not prim.IsInstanceProxy():
+        return ()
     api = UsdGeom.PrimvarsAPI(prim)
     paths = []
     for name in COMPONENTS:

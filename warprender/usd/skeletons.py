@@ -58,11 +58,18 @@ def find_skins(reading: Reading) -> dict[str, Skin]:
 
 
 def to_skeleton(skin: Skin, prim: Usd.Prim, local: np.ndarray, time: Usd.TimeCode) -> np.ndarray:
-    """(4, 4) from skeleton space, which skinning ends in, to the frame that `local` (4, 4) takes the prim to."""
+    """(4, 4) from skeleton space, which skinning ends in, to the frame that `local` (4, 4) takes the prim to.
+
+    Of a prim without points, which one joint moves as a whole, from the prim.
+    """
     cache = UsdGeom.XformCache(time)
     skeleton = np.array(cache.GetLocalToWorldTransform(skin.skeleton.GetPrim()), np.float64)
     own = np.array(cache.GetLocalToWorldTransform(prim), np.float64)
-    return skeleton @ np.linalg.solve(own, local)
+    matrix = skeleton @ np.linalg.solve(own, local)
+    if prim.IsA(UsdGeom.PointBased):
+        return matrix
+    moved = skin.query.ComputeSkinnedTransform(skin.skeleton.ComputeSkinningTransforms(time), time)
+    return np.array(moved, np.float64) @ matrix
 
 
 def posed_points(reading: Reading, skin: Skin, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import UsdGeom
+from pxr import Usd, UsdGeom
 
 from .reading import Reading
 
@@ -38,11 +38,22 @@ class Topology:
 
 
 def read_topology(reading: Reading, schema: UsdGeom.Mesh, points: np.ndarray) -> Topology:
-    """The faces of a mesh, the broken ones marked so that primvars keep their places."""
-    prim = schema.GetPrim()
+    """The faces of a mesh prim, checked."""
     counts = np.array(reading.get(schema.GetFaceVertexCountsAttr()) or [], np.int64)
     indices = np.array(reading.get(schema.GetFaceVertexIndicesAttr()) or [], np.int64)
     holes = np.array(reading.get(schema.GetHoleIndicesAttr()) or [], np.int64)
+    return checked_topology(reading, schema.GetPrim(), points, counts, indices, holes)
+
+
+def checked_topology(
+    reading: Reading,
+    prim: Usd.Prim,
+    points: np.ndarray,
+    counts: np.ndarray,
+    indices: np.ndarray,
+    holes: np.ndarray,
+) -> Topology:
+    """Faces with the broken ones marked, and remarked on, so that primvars keep their places."""
     if (counts < 0).any():
         reading.remark(prim, f"{np.sum(counts < 0)} faceVertexCounts are negative")
         counts = np.maximum(counts, 0)

@@ -124,4 +124,5 @@ def _local_transform(reading: Reading, cache: UsdGeom.XformCache, step: _Step) -
         reading.remark(step.prim, f"its transform is ignored: {one_line(error)}")
         return step.parent
     matrix = np.array(matrix, np.float64)
-    return matrix if resets else matrix @ step.parent
+    with np.errstate(invalid="ignore"):
+        return matrix if resets else matrix @ step.parent
