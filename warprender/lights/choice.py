@@ -86,6 +86,12 @@ def importance(node: LightNode, p: wp.vec3, n: wp.vec3) -> float:
 
 
 @wp.func
+def share_of_first(first: float, second: float) -> wp.float64:
+    """Probability of the first of two children; in float64 a faint one beside a strong one is not rounded to none."""
+    return wp.float64(first) / (wp.float64(first) + wp.float64(second))
+
+
+@wp.func
 def choose_light(scene: DeviceScene, p: wp.vec3, n: wp.vec3, u: wp.vec2) -> LightChoice:
     """A light for a surface at p with normal n."""
     low = wp.int32(0)
@@ -125,13 +131,13 @@ def choose_in_tree(scene: DeviceScene, p: wp.vec3, n: wp.vec3, u: wp.float64, pr
         second = importance(scene.light_nodes[child + 1], p, n)
         if first + second <= 0.0:
             return choice
-        share = first / (first + second)
-        if u < wp.float64(share):
-            u = u / wp.float64(share)
-            choice.probability *= share
+        share = share_of_first(first, second)
+        if u < share:
+            u = u / share
+            choice.probability *= wp.float32(share)
         else:
-            u = (u - wp.float64(share)) / (wp.float64(1.0) - wp.float64(share))
-            choice.probability *= 1.0 - share
+            u = (u - share) / (wp.float64(1.0) - share)
+            choice.probability *= wp.float32(wp.float64(1.0) - share)
             child += 1
         child = scene.light_nodes[child].child
     choice.index = -1 - child
@@ -151,11 +157,11 @@ def probability_of(scene: DeviceScene, p: wp.vec3, n: wp.vec3, light: LightRecor
         second = importance(scene.light_nodes[child + 1], p, n)
         if first + second <= 0.0:
             return 0.0
-        share = first / (first + second)
+        share = share_of_first(first, second)
         if (trail & wp.uint64(1)) == wp.uint64(0):
-            probability *= share
+            probability *= wp.float32(share)
         else:
-            probability *= 1.0 - share
+            probability *= wp.float32(wp.float64(1.0) - share)
             child += 1
         trail = trail >> wp.uint64(1)
         child = scene.light_nodes[child].child
