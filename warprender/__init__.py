@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
-    from .usd import load
+    from .usd import StageReader, load
+    from .visibility.rays import RayCaster
 
 __version__ = "0.1.0"
 
@@ -36,12 +37,14 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "PreviewSurface": "materials",
+    "RayCaster": "visibility.rays",
     "RectLight": "lights",
     "RenderPlan": "plan",
     "Renderer": "renderer",
     "Scene": "scene",
     "SceneError": "scene",
     "SphereLight": "lights",
+    "StageReader": "usd",
     "load": "usd",
     "render": "renderer",
 }
@@ -55,12 +58,14 @@ __all__ = [
     "DomeLight",
     "Frame",
     "PreviewSurface",
+    "RayCaster",
     "RectLight",
     "RenderPlan",
     "Renderer",
     "Scene",
     "SceneError",
     "SphereLight",
+    "StageReader",
     "load",
     "render",
 ]

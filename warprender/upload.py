@@ -112,6 +112,9 @@ class Upload:
         low, high = self._boxes[geometry]
         middle = np.einsum("kij,j->ki", linear, (low + high) / 2) + translation
         reach = np.einsum("kij,j->ki", np.abs(linear), (high - low) / 2)
+        # What rounding may do to a transformed vertex: its parts may be large and cancel.
+        parts = np.einsum("kij,j->ki", np.abs(linear), np.maximum(np.abs(low), np.abs(high)))
+        reach += (parts + np.abs(translation - self.origin)) * 2.0**-20
         return rows, np.stack([middle - reach, middle + reach], 1)
 
     def _geometry(self, path: str, placement: Placement, known: dict[tuple, int]) -> int:

@@ -30,6 +30,7 @@ def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="PURPOSE[,PURPOSE...]",
         help="purposes drawn besides default (default: proxy)",
     )
+    group.add_argument("--disableDrawMode", action="store_true", help="draw models that ask for boxes or cards in full")
     group.add_argument("--sessionLayer", metavar="FILE", help="open the stage with this session layer")
     group.add_argument(
         "--variant",

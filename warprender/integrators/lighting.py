@@ -223,7 +223,8 @@ def met_function(key: PathKey) -> wp.Function:
                 arriving = wp.cw_mul(arriving, shadow(scene, light, way))
         # Ties go to the light, as they do for shadow rays: a lamp may lie on a ceiling.
         if not changed:
-            if found.distance <= near or found.distance - end_margin(ray.origin, found.distance) > far:
+            place = found.distance - end_margin(ray.origin, found.distance)
+            if place <= near or place > far:
                 return total
         weight = wp.float32(1.0)
         if departure.pdf > 0.0:

@@ -79,7 +79,7 @@ def radiance_function(key: PathKey) -> wp.Function:
         clear = wp.float32(1.0)
         depth = wp.int32(0)
         step = wp.int32(0)
-        passed_t = wp.float32(0.0)
+        passed_t = -INFINITY
         hit = closest(scene, ray)
         result.rays = wp.vec3i(1, 0, 0)
 
@@ -152,7 +152,7 @@ def radiance_function(key: PathKey) -> wp.Function:
             ray.origin = offset_origin(surface.position, surface.error, surface.geometric_normal, direction)
             ray.direction = direction
             ray.t_max = INFINITY
-            passed_t = 0.0
+            passed_t = -INFINITY
             depth += 1
             step += 1
             hit = closest(scene, ray)

@@ -14,6 +14,7 @@ from ..scene import Scene
 from ..shapes import Mesh, Sphere
 
 if TYPE_CHECKING:
+    from ..shapes.subdivision import Subdivision
     from .skeletons import Skin
 
 T = TypeVar("T")
@@ -37,6 +38,9 @@ class Reading:
         scene: the scene being filled.
         draw_modes: whether models may be drawn as boxes, axes or cards.
         shapes: shapes read so far by what determines them, so that instances share one.
+        sources: prim and skin that a shape was read from, by its key in `shapes`; shapes that do not depend on
+            one have none.
+        surfaces: the last subdivision surface of a mesh, by its path.
         skins: what poses a mesh, by the mesh's path.
         sources: placement's path to the paths of its prim and of the instancers that draw it.
         light_textures: pictures on lights read so far, by file and format; None for one that cannot be read.
@@ -54,6 +58,8 @@ class Reading:
     draw_modes: bool = True
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
     sound_instancers: bool = True
+    sources: dict[tuple, tuple[Usd.Prim, Skin | None]] = field(default_factory=dict)
+    surfaces: dict[str, Subdivision] = field(default_factory=dict)
     skins: dict[str, Skin] = field(default_factory=dict)
     sources: dict[str, tuple[Sdf.Path, ...]] = field(default_factory=dict)
     light_textures: dict[tuple[str, str], LightTexture | None] = field(default_factory=dict)

@@ -27,12 +27,14 @@ class Visit:
         local: (4, 4) float64 transform from the prim to its frame, for row vectors.
         frame: where that frame is drawn.
         draw_mode: what to draw in place of a model; "default" for the prim itself.
+        is_sound: whether it is known to be drawn once, with a transform that needs no check.
     """
 
     prim: Usd.Prim
     local: np.ndarray
     frame: Frame
     draw_mode: str = "default"
+    is_sound: bool = False
 
     def transforms(self) -> np.ndarray:
         """(K, 4, 4) float64 prim-to-world."""

@@ -409,7 +409,10 @@ struct Wide {
     }
     WR_FN Eight eight(const float* p) { return *(const Eight*)p; }
     WR_FN Four four(const float* p) { return *(const Four*)p; }
-    WR_FN unsigned bits(FourInt m) { return __builtin_bit_cast(unsigned char, __builtin_convertvector(m, FourBits)) & 15u; }
+    WR_FN unsigned bits(FourInt m)
+    {
+        return __builtin_bit_cast(unsigned char, __builtin_convertvector(m, FourBits)) & 15u;
+    }
     WR_FN unsigned meets(Eight near, Eight far)
     {
         return __builtin_bit_cast(unsigned char, __builtin_convertvector(near <= far * Bound::slab(), EightBits));
@@ -498,6 +501,7 @@ struct Wide {
     }
     WR_FN Four larger(Four a, Four b) { return a > b ? a : b; }
     WR_FN Four smaller(Four a, Four b) { return a < b ? a : b; }
+    WR_FN Eight smaller(Eight a, Eight b) { return a < b ? a : b; }
     // Triangle::error, four at once.
     WR_FN Four error(const Lane& ray, const Four* x, const Four* y, const Four* z, Four inverse)
     {
@@ -600,9 +604,9 @@ struct Batch {
             o[k] = origin[i][k] * scale;
             d[k] = direction[i][k] * scale;
         }
-        int after = t_after.shape[0] == 1 ? 0 : i;
+        int end = t_max.shape[0] == 1 ? 0 : i, after = t_after.shape[0] == 1 ? 0 : i;
         bool good = Lane::make(ray, o, d);
-        best = Answer::open(ray, t_max.data[t_max.shape[0] == 1 ? 0 : i], t_after.data[after], 0, face_after.data[after]);
+        best = Answer::open(ray, t_max.data[end], t_after.data[after], 0, face_after.data[after]);
         return good;
     }
     CUDA_CALLABLE inline void close(int i, const Lane& ray, const Answer& best) const
