@@ -163,7 +163,8 @@ def shadow_function(key: PathKey) -> wp.Function:
                         strength = shadow_strength(light, hit.t)
                         if not is_linked(scene, light.shadow_links, scene.instances[hit.instance].prim):
                             strength = 0.0
-                        through = 1.0 - strength * (1.0 - through)
+                        if strength < 1.0:
+                            through = 1.0 - strength * (1.0 - through)
                     passed = passed * through
                     hit = closest_after(scene, ray, hit)
                     count += 1
