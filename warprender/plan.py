@@ -12,7 +12,9 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from .camera import Camera
-from .lights import LIGHTS, CameraLight, DomeLight, Light
+from .emitters import lit
+from .lights import Light
+from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS, DisplayColor
 from .materials.inputs import FEATURES, NORMAL
 from .outputs import OUTPUTS
@@ -22,6 +24,14 @@ from .textures import Texture
 
 TRANSPORTS = ("none", "path")
 VISIBILITIES = ("rays",)
+
+#: What lights may need compiled beyond their kinds, and what would call for it.
+LIGHT_EFFECTS = {
+    "ies": "shaping:ies:file",
+    "linking": "a lightLink collection that leaves prims out",
+    "shadows": "ShadowAPI, or a shadowLink collection that leaves prims out",
+    "shaping": "shaping:focus, or a shaping:cone:angle that cuts something off",
+}
 
 #: Share of the emitted light that may be lost to the end of paths when no number of bounces is given.
 BOUNCE_TOLERANCE = 1e-4
@@ -36,6 +46,7 @@ class PathKey:
     shapes: tuple[str, ...]
     materials: tuple[str, ...]
     lights: tuple[str, ...]
+    light_effects: tuple[str, ...]
     camera: tuple[str, ...]
     sampled_lights: bool
     straight_through: bool
@@ -140,34 +151,28 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
         plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features)
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
-        kinds = _effects(plan, "light", {k.__name__ for k in LIGHTS}, _light_callers(lights), "a light of this kind")
+        kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
         why = "lights that can be aimed at" if sampled else ""
         _note(plan, "shadow rays", why, "a light other than a dome")
-        plan.path = PathKey(shapes, materials, kinds, effects, sampled, bool(passing), features)
+        light_effects = _light_effects(plan, lights)
+        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features)
         _bound_bounces(plan, scene, request)
     return plan
 
 
 def everything() -> PathKey:
     """The key with every effect compiled in: another kernel, the same pictures."""
-    names = (tuple(sorted(kind.__name__ for kind in kinds)) for kinds in (SHAPES, MATERIALS, LIGHTS))
-    camera = ("clippingPlanes", "lens", "orthographic", "perspective")
-    shapes, materials, lights = names
-    return PathKey(shapes, materials, lights, camera, True, True, FEATURES)
-
-
-def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
-    """The lights that emit, by path, with the camera light last when it is on."""
-    lights = {path: light for path, light in scene.lights.items() if _emits(light)}
-    if camera_light:
-        lights["camera light"] = CameraLight()
-    return lights
-
-
-def _emits(light: Light) -> bool:
-    """Whether it has a radiance and a size; a dome's power is not counted."""
-    return light.radiance().any() and (isinstance(light, DomeLight) or light.power(1.0) != 0)
+    return PathKey(
+        shapes=tuple(sorted(shape.__name__ for shape in SHAPES)),
+        materials=tuple(sorted(material.__name__ for material in MATERIALS)),
+        lights=tuple(sorted(FUNCTIONS)),
+        light_effects=tuple(sorted(LIGHT_EFFECTS)),
+        camera=("clippingPlanes", "lens", "orthographic", "perspective"),
+        sampled_lights=True,
+        straight_through=True,
+        features=FEATURES,
+    )
 
 
 def check_outputs(names: tuple[str, ...]) -> None:
@@ -252,8 +257,18 @@ def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tupl
 def _light_callers(lights: dict[str, Light]) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, light in lights.items():
-        _first(callers, type(light).__name__, path)
+        _first(callers, light.kind(), path)
     return callers
+
+
+def _light_effects(plan: RenderPlan, lights: dict[str, Light]) -> tuple[str, ...]:
+    callers: dict[str, str] = {}
+    for path, light in lights.items():
+        for effect in light.effects():
+            _first(callers, effect, path)
+    for effect, caller in LIGHT_EFFECTS.items():
+        _note(plan, f"light {effect}", callers.get(effect, ""), caller)
+    return tuple(sorted(callers))
 
 
 def _primvar(scene: Scene, placement: Placement, key: str, name: str) -> Primvar | None:

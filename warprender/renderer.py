@@ -9,15 +9,15 @@ import numpy as np
 import warp as wp
 
 from .camera import Camera
+from .emitters import lit
 from .film import Film
 from .frame import Frame
 from .framing import choose_camera, choose_resolution
 from .integrators.none import launch_outputs
 from .integrators.path import PathRequest, launch_path
 from .launch import thread_count
-from .lights.dispatch import kind_of
 from .outputs import OUTPUTS, OutputBuffers
-from .plan import RenderPlan, Request, analyse, lit
+from .plan import RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError
 from .texels import TEXTURE_BYTES
@@ -221,9 +221,8 @@ class Renderer:
         request.seed = seed & 0xFFFFFFFF
         request.sobol = int(self._sobol)
         request.bounces = int(self.plan.bounds["bounces"])
-        request.lights_visible = int(self.request.lights_visible)
-        request.dome_light_visible = int(self.request.dome_light_visible or self.request.lights_visible)
-        request.dome_kind = kind_of("DomeLight")
+        request.visible.lights = int(self.request.lights_visible)
+        request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int) -> None:

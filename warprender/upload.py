@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from .lights import LIGHTS, CameraLight, Light
+from .lights import CameraLight, Light
 from .material_tables import MaterialTables, Tangents
 from .materials.albedo import albedo_table
 from .records import (
     DeviceScene,
     GeometryRecord,
     InstanceRecord,
-    LightRecord,
     PrimvarRecord,
 )
 from .scene import Placement, Scene, materials_of
 from .shapes import SHAPES, Mesh, Sphere
 from .shapes.primvar import INTERPOLATIONS, absent_primvar
 from .texels import TEXTURE_BYTES
+from .upload_lights import LightUpload, Placed
 from .visibility.trees import MeshTree, SphereShape, WorldTree
 
 
@@ -59,11 +59,16 @@ class Upload:
         self._boxes: list[np.ndarray] = []
         self._trees: list[MeshTree | SphereShape] = []
         self.record = DeviceScene()
-        self._upload_instances(scene)
+        self._shapes: dict[int, Mesh | Sphere] = {}
+        self._drawn: dict[int, np.ndarray] = {}
+        placed = self._place(scene)
         self._upload_materials()
-        self._upload_lights(lights)
+        self._lights = LightUpload(scene, lights, placed, self.record, device)
+        self.warnings += self._lights.warnings
+        self.record.instances = self._array(placed.instances, InstanceRecord)
 
-    def _upload_instances(self, scene: Scene) -> None:
+    def _place(self, scene: Scene) -> Placed:
+        """Upload the shapes and the tree of their instances; the records of the instances are still to be uploaded."""
         rows, boxes = [], []
         known: dict[tuple, int] = {}
         for prim, (path, placement) in enumerate(scene.placements.items()):
@@ -76,7 +81,6 @@ class Upload:
         table = np.concatenate(rows) if rows else np.zeros(0, InstanceRecord.numpy_dtype())
         box = np.concatenate(boxes) if boxes else np.zeros((0, 2, 3))
         self.bounds = np.stack([box[:, 0].min(0), box[:, 1].max(0)]) if len(box) else np.tile(self.origin, (2, 1))
-        self.record.instances = self._array(table, InstanceRecord)
         self.record.geometries = self._array(self._geometries, GeometryRecord)
         self.record.primvars = self._array(self._primvars, PrimvarRecord)
         slots = len(self._tables.slots)
@@ -84,6 +88,7 @@ class Upload:
         used = [any(p.interpolation >= 0 for p in self._primvars[k::slots]) for k in range(2)]
         self.record.display_color, self.record.display_opacity = (k if used[k] else -1 for k in range(2))
         self._build_world(rows)
+        return Placed(table, self._shapes, self._drawn, box, self.bounds, self.origin)
 
     def _build_world(self, rows: list[np.ndarray]) -> None:
         """The trees that rays walk, over instances in the order of their records."""
@@ -111,6 +116,7 @@ class Upload:
         has_face_materials = bool(getattr(placement.shape, "face_materials", None))
         rows["material"] = -1 if has_face_materials else self._materials[placement.material]
         rows["prim"] = prim
+        rows["light"] = -1
         rows["instance_id"] = placement.instance_ids[good]
         rows["linear"] = linear
         rows["inverse"] = inverse[good]
@@ -136,6 +142,7 @@ class Upload:
             known[key] = -1
             if record is not None:
                 known[key] = len(self._geometries)
+                self._shapes[known[key]] = shape
                 record.kind = SHAPES.index(type(shape))
                 self._geometries.append(record)
                 keep = _drawable_triangles(shape) if isinstance(shape, Mesh) else np.zeros(0, bool)
@@ -176,6 +183,7 @@ class Upload:
             self.warnings.append(f"{path}: {int((~keep).sum())} triangles with non-finite points are not drawn")
         if not keep.any():
             return None
+        self._drawn[len(self._geometries)] = keep
         triangles = mesh.triangles[keep]
         record = GeometryRecord()
         if isinstance(mesh.points, wp.array) and keep.all() and mesh.points.device == wp.get_device(self.device):
@@ -204,42 +212,6 @@ class Upload:
     def _upload_materials(self) -> None:
         self._kept += self._tables.fill(self.record, self.device)
         self.record.albedo = self._array(albedo_table(), wp.vec4)
-
-    def _upload_lights(self, lights: dict[str, Light]) -> None:
-        radius = max(float(np.linalg.norm(self.bounds[1] - self.bounds[0])) / 2, 1e-6)
-        # A dark row in a scene without lights: kernels that have lights compiled in may aim at number 0.
-        rows = np.zeros(max(len(lights), 1), LightRecord.numpy_dtype())
-        power = np.zeros(len(rows))
-        for i, (path, light) in enumerate(lights.items()):
-            power[i] = self._light_row(rows[i], path, light, radius)
-        chosen = power > 0
-        if chosen.any():
-            # Half by power, half alike: no light in the scene is left to starve beside a strong one.
-            rows["choice"] = np.where(chosen, 0.5 * power / power.sum() + 0.5 / chosen.sum(), 0.0)
-        cdf = np.cumsum(rows["choice"].astype(np.float64))
-        # From the last light that is chosen on: no number below 1 reaches one that is not.
-        if chosen.any():
-            cdf[np.flatnonzero(chosen)[-1] :] = 1.0
-        self.record.lights = self._array(rows, LightRecord)
-        self.record.light_count = len(lights)
-        self.record.light_cdf = self._array(cdf.astype(np.float32), wp.float32)
-
-    def _light_row(self, row: np.void, path: str, light: Light, scene_radius: float) -> float:
-        """Fill a light's record; returns its power, 0 for one that nothing can be lit by."""
-        linear = light.local_to_world().T
-        determinant = abs(np.linalg.det(linear))
-        row["kind"] = LIGHTS.index(type(light))
-        if not np.isfinite(light.transform).all() or determinant <= 0.0:
-            self.warnings.append(f"{path}: the light's transform is singular or not finite; it gives no light")
-            return 0.0
-        row["radiance"] = light.radiance()
-        row["position"] = light.transform[3, :3] - self.origin
-        row["linear"] = linear
-        row["inverse"] = np.linalg.inv(linear)
-        row["determinant"] = determinant
-        row["size"] = light.size()
-        row["diffuse"], row["specular"] = light.diffuse, light.specular
-        return max(light.power(scene_radius), 0.0)
 
     def _array(self, data: np.ndarray | list, dtype: type) -> wp.array:
         array = wp.array(data, dtype=dtype, device=self.device) if len(data) else wp.empty(0, dtype=dtype)

@@ -54,6 +54,10 @@ class DisplayColor:
         """Never."""
         return False
 
+    def largest_emission(self) -> float:
+        """Nothing is emitted."""
+        return 0.0
+
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""
         return max(self.color)

@@ -18,6 +18,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from ..color import LUMINANCE
 from ..numerics import INV_PI, max_component
 from ..records import (
     EVENT_ABSORB,
@@ -121,6 +122,12 @@ class PreviewSurface:
     def is_cut_out(self) -> bool:
         """Whether it is either there or not, by a threshold."""
         return isinstance(self.opacityThreshold, Varying) or self.opacityThreshold > 0
+
+    def largest_emission(self) -> float:
+        """Upper bound on the luminance that is emitted; 1 where it varies."""
+        if isinstance(self.emissiveColor, Varying):
+            return 1.0
+        return float(np.dot(self.emissiveColor, LUMINANCE))
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""

@@ -12,13 +12,13 @@ from pxr import Tf, Usd, UsdGeom
 from ..scene import Scene, SceneError
 from .binding import Bindings
 from .cameras import read_cameras
-from .placing import mark_sound, place_lights, place_shape
+from .placing import mark_sound, place_lights, place_mesh_light, place_shape
 from .reading import Diagnostics, Reading, one_line
 from .settings import read_settings
 from .skeletons import find_skins
 from .stage import open_stage, read_metadata
 from .stillness import still_shapes
-from .walk import is_light, walk
+from .walk import is_light, is_mesh_light, walk
 
 #: What usdrecord draws besides `default`.
 PURPOSES = ("proxy",)
@@ -148,6 +148,8 @@ def _read(reading: Reading, render_settings: str | None) -> None:
     for visit in visits:
         if is_light(visit.prim) and visit.draw_mode == "default":
             reading.attempt(visit.prim, place_lights, visit)
+    for prim in {v.prim.GetPath(): v.prim for v in shapes if is_mesh_light(v.prim)}.values():
+        reading.attempt(prim, place_mesh_light, prim)
     scene.bounds = _world_bounds(reading)
     reading.report()
 

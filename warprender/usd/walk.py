@@ -91,8 +91,13 @@ def _is_drawable(prim: Usd.Prim) -> bool:
 
 
 def is_light(prim: Usd.Prim) -> bool:
-    """Whether the prim is a UsdLux light; a mesh that glows is not one."""
+    """Whether the prim is a UsdLux light; geometry that shines is not one."""
     return prim.HasAPI("LightAPI") and not prim.IsA(UsdGeom.Gprim)
+
+
+def is_mesh_light(prim: Usd.Prim) -> bool:
+    """Whether the prim is geometry that shines by MeshLightAPI, or LightAPI alone."""
+    return prim.HasAPI("LightAPI") and prim.IsA(UsdGeom.Gprim)
 
 
 def _is_visible(reading: Reading, prim: Usd.Prim) -> bool:
