@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
     from .usd import load
+    from .visibility.raster import Raster, rasterize
 
 __version__ = "0.1.0"
 
@@ -36,6 +37,7 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "PreviewSurface": "materials",
+    "Raster": "visibility.raster",
     "RectLight": "lights",
     "RenderPlan": "plan",
     "Renderer": "renderer",
@@ -43,6 +45,7 @@ _HOMES = {
     "SceneError": "scene",
     "SphereLight": "lights",
     "load": "usd",
+    "rasterize": "visibility.raster",
     "render": "renderer",
 }
 
@@ -55,6 +58,7 @@ __all__ = [
     "DomeLight",
     "Frame",
     "PreviewSurface",
+    "Raster",
     "RectLight",
     "RenderPlan",
     "Renderer",
@@ -62,6 +66,7 @@ __all__ = [
     "SceneError",
     "SphereLight",
     "load",
+    "rasterize",
     "render",
 ]
 

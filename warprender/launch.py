@@ -20,7 +20,12 @@ _SMALLEST_CHUNK = 256
 
 
 def launch(
-    kernel: wp.Kernel, count: int, arguments: Sequence, device: str | wp.Device, threads: int | None = None
+    kernel: wp.Kernel,
+    count: int,
+    arguments: Sequence,
+    device: str | wp.Device,
+    threads: int | None = None,
+    smallest_chunk: int = _SMALLEST_CHUNK,
 ) -> None:
     """Run `kernel` on items 0 … count - 1 and return when they are done (CPU) or queued (CUDA).
 
@@ -30,12 +35,13 @@ def launch(
         arguments: the kernel's other arguments.
         device: where to run.
         threads: CPU threads, None for all cores; without meaning on CUDA.
+        smallest_chunk: items that are worth a launch; 1 for items of many microseconds.
     """
     device = wp.get_device(device)
     if count <= 0:
         return
     threads = thread_count(threads) if device.is_cpu else 1
-    chunk = max(_SMALLEST_CHUNK, -(-count // (threads * _CHUNKS_PER_THREAD)))
+    chunk = max(smallest_chunk, -(-count // (threads * _CHUNKS_PER_THREAD)))
     if threads == 1 or chunk >= count:
         wp.launch(kernel, count, [0, *arguments], device=device)
         return

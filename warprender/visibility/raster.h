@@ -1,0 +1,863 @@
+// Rasterization with exact coverage: homogeneous edge functions, a depth buffer, bins and tiles.
+//
+// raster.py pastes this text into the body of the functions that need it, so it holds only what C++ allows inside a
+// function: types, and structs with static members. Warp defines float(x) and int(x) as macros, so casts are written
+// (float)(x). Compile it with fuse_fp=False: a contracted a * b + c would break the error-free sums.
+//
+//   Expansion            sums and products of doubles without any rounding (Shewchuk 1997)
+//   Triangle             its exact predicates: orientation, edges, clipping planes; depth and barycentrics
+//   Linear, Fill         edge functions and depth over a rectangle, eight pixels at once
+//   Bins, Binner         triangles to bins by count, prefix sum and scatter, eight triangles at once
+//
+// A pixel centre is the homogeneous point (a, b, 1) of a frame in which vertex k is P_k = (width x_k, height y_k, w_k):
+// a = 2 column + 1 - width and b = height - 2 row - 1 are integers. With edge functions e_k = det(P_i, P_j, (a, b, 1))
+// and D = det(P_0, P_1, P_2), the centre is sum (e_k / D) P_k: it is covered when no e_k / D is negative, whatever the
+// signs of w (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997). Nothing is divided
+// by w before coverage is known, and nothing is cut at the eye plane.
+
+#define RASTER_FN static inline CUDA_CALLABLE
+
+// ---------------------------------------------------------------- exact sums
+
+// A sum of doubles that do not overlap, in order of growing magnitude: its sign is that of the last
+// (Shewchuk, "Adaptive Precision Floating-Point Arithmetic", 1997). float32 inputs keep every term far from
+// underflow and overflow.
+struct Expansion {
+    double term[160];
+    int count;
+
+    inline CUDA_CALLABLE void add(double b)
+    {
+        int kept = 0;
+        for (int i = 0; i < count; ++i) {
+            double a = term[i];
+            double sum = a + b;
+            double part = sum - a;
+            double error = (a - (sum - part)) + (b - part);
+            b = sum;
+            if (error != 0.0)
+                term[kept++] = error;
+        }
+        if (b != 0.0)
+            term[kept++] = b;
+        count = kept;
+    }
+    inline CUDA_CALLABLE void add(double a, double b)
+    {
+        double product = a * b;
+        add(::fma(a, b, -product));
+        add(product);
+    }
+    inline CUDA_CALLABLE void add(double a, double b, double c)
+    {
+        double product = a * b;
+        add(::fma(a, b, -product), c);
+        add(product, c);
+    }
+    inline CUDA_CALLABLE int sign() const { return count == 0 ? 0 : (term[count - 1] > 0.0 ? 1 : -1); }
+};
+
+// ---------------------------------------------------------------- one triangle
+
+struct Triangle {
+    // Clip coordinates are float32 values; x and y are also kept times width and height, which is exact.
+    double x[3], y[3], z[3], w[3], wide[3], high[3];
+    double width, height;
+    int orientation;  // sign of D; 0 covers nothing
+    bool clipped;     // whether the near or far plane may cut it
+
+    RASTER_FN double magnitude(double v) { return v < 0.0 ? -v : v; }
+    RASTER_FN int sign_of(double v) { return (v > 0.0) - (v < 0.0); }
+    // a b - c d, rounded once and a half (Kahan; Jeannerod, Louvet, Muller 2013).
+    RASTER_FN double difference(double a, double b, double c, double d)
+    {
+        double cd = c * d;
+        double error = ::fma(-c, d, cd);
+        return ::fma(a, b, -cd) + error;
+    }
+    RASTER_FN double column(int width, int x) { return (double)(2 * x + 1 - width); }
+    RASTER_FN double row(int height, int y) { return (double)(height - 2 * y - 1); }
+
+    // `clip` has x, y, z, w of three vertices. Non-finite ones make a triangle that covers nothing.
+    RASTER_FN void make(Triangle& t, const float* clip, int width, int height)
+    {
+        t.width = (double)(width);
+        t.height = (double)(height);
+        t.clipped = false;
+        bool finite = true;
+        for (int k = 0; k < 3; ++k) {
+            t.x[k] = (double)(clip[4 * k]);
+            t.y[k] = (double)(clip[4 * k + 1]);
+            t.z[k] = (double)(clip[4 * k + 2]);
+            t.w[k] = (double)(clip[4 * k + 3]);
+            t.wide[k] = t.x[k] * t.width;
+            t.high[k] = t.y[k] * t.height;
+            t.clipped |= !(magnitude(t.z[k]) <= t.w[k]);
+            double all = t.x[k] - t.x[k] + t.y[k] - t.y[k] + t.z[k] - t.z[k] + t.w[k] - t.w[k];
+            finite &= all == 0.0;
+        }
+        t.orientation = finite ? orient(t) : 0;
+    }
+
+    // Exact sign of D. Products of two float32 values are exact in double.
+    RASTER_FN int orient(const Triangle& t)
+    {
+        double sum = 0.0, size = 0.0;
+        for (int k = 0; k < 3; ++k) {
+            int i = (k + 1) % 3, j = (k + 2) % 3;
+            double a = t.x[i] * t.y[j] * t.w[k], b = t.x[j] * t.y[i] * t.w[k];
+            sum += a - b;
+            size += magnitude(a) + magnitude(b);
+        }
+        if (magnitude(sum) > size * 0x1p-49)
+            return sign_of(sum);
+        Expansion exact;
+        exact.count = 0;
+        for (int k = 0; k < 3; ++k) {
+            int i = (k + 1) % 3, j = (k + 2) % 3;
+            exact.add(t.x[i] * t.y[j], t.w[k]);
+            exact.add(-t.x[j] * t.y[i], t.w[k]);
+        }
+        return exact.sign();
+    }
+
+    // e_k at (a, b), and the size of what was subtracted: the value is wrong by at most 2^-50 of it. Vertices are
+    // taken relative to the centre, one rounding each, so that no magnitude is lost near the edge.
+    RASTER_FN double edge(const Triangle& t, int k, double a, double b, double& size)
+    {
+        int i = (k + 1) % 3, j = (k + 2) % 3;
+        double xi = ::fma(-a, t.w[i], t.wide[i]), yi = ::fma(-b, t.w[i], t.high[i]);
+        double xj = ::fma(-a, t.w[j], t.wide[j]), yj = ::fma(-b, t.w[j], t.high[j]);
+        size = magnitude(xi * yj) + magnitude(xj * yi);
+        return difference(xi, yj, xj, yi);
+    }
+
+    // Adds factor · e_k(a, b) without rounding; factor is a float32 value.
+    RASTER_FN void add_edge(Expansion& sum, const Triangle& t, int k, double a, double b, double factor)
+    {
+        int i = (k + 1) % 3, j = (k + 2) % 3;
+        double area = t.width * t.height, across = a * t.height, along = b * t.width;
+        sum.add(t.x[i] * t.y[j], area, factor);
+        sum.add(-t.x[j] * t.y[i], area, factor);
+        sum.add(t.y[i] * t.w[j], across, factor);
+        sum.add(-t.y[j] * t.w[i], across, factor);
+        sum.add(t.x[j] * t.w[i], along, factor);
+        sum.add(-t.x[i] * t.w[j], along, factor);
+    }
+
+    // Exact sign of e_k(a, b).
+    RASTER_FN int edge_sign(const Triangle& t, int k, double a, double b)
+    {
+        double size;
+        double e = edge(t, k, a, b, size);
+        if (magnitude(e) > size * 0x1p-50)
+            return sign_of(e);
+        Expansion exact;
+        exact.count = 0;
+        add_edge(exact, t, k, a, b, 1.0);
+        return exact.sign();
+    }
+
+    // Whether centres on edge k belong to this triangle: the edge is a left one, or a top one.
+    RASTER_FN bool owns_edge(const Triangle& t, int k)
+    {
+        int i = (k + 1) % 3, j = (k + 2) % 3;
+        int rightwards = t.orientation * sign_of(t.y[i] * t.w[j] - t.y[j] * t.w[i]);
+        int upwards = t.orientation * sign_of(t.x[j] * t.w[i] - t.x[i] * t.w[j]);
+        return rightwards > 0 || (rightwards == 0 && upwards < 0);
+    }
+
+    // Exact sign of w - side z at (a, b), times the sign of D: negative beyond the far (side 1) or near plane (-1).
+    RASTER_FN int plane_sign(const Triangle& t, double a, double b, double side)
+    {
+        double sum = 0.0, size = 0.0;
+        for (int k = 0; k < 3; ++k) {
+            double edge_size;
+            double e = edge(t, k, a, b, edge_size);
+            double distance = t.w[k] - side * t.z[k];
+            sum += e * distance;
+            size += edge_size * magnitude(distance);
+        }
+        if (magnitude(sum) > size * 0x1p-48)
+            return t.orientation * sign_of(sum);
+        Expansion exact;
+        exact.count = 0;
+        for (int k = 0; k < 3; ++k) {
+            add_edge(exact, t, k, a, b, t.w[k]);
+            add_edge(exact, t, k, a, b, -side * t.z[k]);
+        }
+        return t.orientation * exact.sign();
+    }
+
+    // Whether the centre (a, b) is covered, exactly.
+    RASTER_FN bool covers(const Triangle& t, double a, double b)
+    {
+        for (int k = 0; k < 3; ++k) {
+            int side = t.orientation * edge_sign(t, k, a, b);
+            if (side < 0 || (side == 0 && !owns_edge(t, k)))
+                return false;
+        }
+        return !t.clipped || (plane_sign(t, a, b, 1.0) >= 0 && plane_sign(t, a, b, -1.0) >= 0);
+    }
+
+    // Edge functions at a covered centre, none of the wrong sign.
+    RASTER_FN void weights(const Triangle& t, double a, double b, double* weight)
+    {
+        for (int k = 0; k < 3; ++k) {
+            double size;
+            double e = t.orientation * edge(t, k, a, b, size);
+            weight[k] = e > 0.0 ? e : 0.0;
+        }
+    }
+
+    // z / w at a covered centre: a convex combination where all w are positive, so never far off.
+    RASTER_FN float depth(const Triangle& t, double a, double b)
+    {
+        double weight[3];
+        weights(t, a, b, weight);
+        double z = weight[0] * t.z[0] + weight[1] * t.z[1] + weight[2] * t.z[2];
+        double w = weight[0] * t.w[0] + weight[1] * t.w[1] + weight[2] * t.w[2];
+        double depth = w > 0.0 ? z / w : 0.0;
+        return (float)(depth < -1.0 ? -1.0 : (depth > 1.0 ? 1.0 : depth));
+    }
+};
+
+#ifndef __CUDACC__
+
+// ---------------------------------------------------------------- eight pixels at once
+
+typedef double Double8 __attribute__((ext_vector_type(8)));
+typedef float Float8 __attribute__((ext_vector_type(8), aligned(4)));
+typedef int Int8 __attribute__((ext_vector_type(8), aligned(4)));
+typedef decltype(Double8() < Double8()) Long8;
+typedef float Corners[3][8];  // of one clip coordinate: vertex, lane
+typedef bool Bool8 __attribute__((ext_vector_type(8)));
+
+struct Wide {
+    RASTER_FN Double8 fma(Double8 a, Double8 b, Double8 c) { return __builtin_elementwise_fma(a, b, c); }
+    RASTER_FN Double8 smaller(Double8 a, Double8 b) { return __builtin_elementwise_min(a, b); }
+    RASTER_FN Double8 larger(Double8 a, Double8 b) { return __builtin_elementwise_max(a, b); }
+    RASTER_FN Double8 lanes() { return Double8 { 0, 1, 2, 3, 4, 5, 6, 7 }; }
+    RASTER_FN int bits(Long8 mask)
+    {
+        Bool8 b = __builtin_convertvector(mask, Bool8);
+        unsigned char bits;
+        __builtin_memcpy(&bits, &b, 1);
+        return bits;
+    }
+    RASTER_FN Int8 mask(int bits)
+    {
+        unsigned char byte = (unsigned char)(bits);
+        Bool8 b;
+        __builtin_memcpy(&b, &byte, 1);
+        return -__builtin_convertvector(b, Int8);
+    }
+};
+
+// c + a column + b row over a rectangle of pixels, columns and rows counted from its corner.
+struct Linear {
+    double a, b, c;
+    double error;
+
+    RASTER_FN double highest(const Linear& f, int columns, int rows)
+    {
+        return f.c + (f.a > 0.0 ? f.a * (columns - 1) : 0.0) + (f.b > 0.0 ? f.b * (rows - 1) : 0.0);
+    }
+};
+
+// The picture that is drawn into: depth and face of a pixel, rows from the top.
+struct Target {
+    float* depth;
+    int* face;
+    int width, height;
+
+    // The nearer fragment stays, of equally near ones the smaller face: the order of drawing leaves no trace.
+    RASTER_FN void write(const Target& target, int x, int y, float depth, int face)
+    {
+        long long pixel = (long long)(y) * target.width + x;
+        float old = target.depth[pixel];
+        if (depth < old || (depth == old && face < target.face[pixel])) {
+            target.depth[pixel] = depth;
+            target.face[pixel] = face;
+        }
+    }
+};
+
+// A triangle over a rectangle of pixels [x0, x1] × [y0, y1]; columns count from `left`, a multiple of eight.
+struct Fill {
+    Linear edge[3];
+    Linear depth;
+    const Triangle* triangle;
+    int face;
+    int left, x0, y0, x1, y1;
+
+    // False when an edge shows that no centre is covered.
+    RASTER_FN bool make(Fill& f, const Triangle& t, int face, int x0, int y0, int x1, int y1)
+    {
+        f.triangle = &t;
+        f.face = face;
+        f.left = x0 & ~7;
+        f.x0 = x0, f.y0 = y0, f.x1 = x1, f.y1 = y1;
+        int columns = x1 - f.left + 8, rows = y1 - y0 + 1;
+        double a = Triangle::column((int)(t.width), f.left), b = Triangle::row((int)(t.height), y0);
+        double side = (double)(t.orientation);
+        for (int k = 0; k < 3; ++k) {
+            int i = (k + 1) % 3, j = (k + 2) % 3;
+            double size;
+            Linear& e = f.edge[k];
+            e.c = side * Triangle::edge(t, k, a, b, size);
+            e.a = 2.0 * side * Triangle::difference(t.high[i], t.w[j], t.high[j], t.w[i]);
+            e.b = -2.0 * side * Triangle::difference(t.wide[j], t.w[i], t.wide[i], t.w[j]);
+            e.error = 0x1p-49 * (size + Triangle::magnitude(e.a) * columns + Triangle::magnitude(e.b) * (rows + 8));
+            if (Linear::highest(e, columns, rows) < -2.0 * e.error)
+                return false;
+        }
+        make_depth(f);
+        return true;
+    }
+
+    // Depth is linear on the screen. It is taken relative to a vertex, so that errors scale with the slope.
+    RASTER_FN void make_depth(Fill& f)
+    {
+        const Triangle& t = *f.triangle;
+        int m = t.w[0] > t.w[1] ? (t.w[0] > t.w[2] ? 0 : 2) : (t.w[1] > t.w[2] ? 1 : 2);
+        double base = t.z[m] / t.w[m];
+        if (!(Triangle::magnitude(base) <= 1.0))
+            base = 0.0;
+        double determinant = 0.0, lost = 0.0;
+        double a = 0.0, b = 0.0, c = 0.0;
+        for (int k = 0; k < 3; ++k) {
+            double z = ::fma(-base, t.w[k], t.z[k]);
+            a += f.edge[k].a * z;
+            b += f.edge[k].b * z;
+            c += f.edge[k].c * z;
+            determinant += f.edge[k].c * t.w[k];
+            lost += f.edge[k].error * (Triangle::magnitude(z) + 2.0 * Triangle::magnitude(t.w[k]));
+        }
+        double scale = 1.0 / determinant;
+        f.depth.a = a * scale;
+        f.depth.b = b * scale;
+        f.depth.c = ::fma(c, scale, base);
+        f.depth.error = determinant > 0.0 ? lost * scale + 0x1p-50 : 1.0;
+    }
+
+    RASTER_FN void draw(const Fill& f, const Target& target)
+    {
+        if (!(f.depth.error <= 0x1p-28))
+            return draw_carefully(f, target);
+        int first = (f.x0 - f.left) & ~7, segments = (f.x1 - f.left) / 8 + 1, rows = f.y1 - f.y0 + 1;
+        if (segments * rows > 24)
+            return draw_blocks(f, target);
+        for (int row = 0; row < rows; ++row)
+            for (int column = first; column < 8 * segments; column += 8)
+                draw_segment(f, target, column, row, false);
+    }
+
+    // Needles whose depth as a linear function would be lost in rounding: each centre by itself.
+    RASTER_FN void draw_carefully(const Fill& f, const Target& target)
+    {
+        const Triangle& t = *f.triangle;
+        for (int y = f.y0; y <= f.y1; ++y)
+            for (int x = f.x0; x <= f.x1; ++x) {
+                double a = Triangle::column(target.width, x), b = Triangle::row(target.height, y);
+                if (Triangle::covers(t, a, b))
+                    Target::write(target, x, y, Triangle::depth(t, a, b), f.face);
+            }
+    }
+
+    // Blocks of 8×8 pixels, eight at a time: those beyond an edge are passed over, those within all three are not
+    // tested again.
+    RASTER_FN void draw_blocks(const Fill& f, const Target& target)
+    {
+        int columns = f.x1 - f.left + 1, rows = f.y1 - f.y0 + 1;
+        for (int row = 0; row < rows; row += 8)
+            for (int strip = 0; strip < columns; strip += 64) {
+                Long8 some = Long8(-1), all = Long8(-1);
+                for (int k = 0; k < 3; ++k) {
+                    const Linear& e = f.edge[k];
+                    double across = 7.0 * e.a, down = 7.0 * e.b;
+                    double most = (across > 0.0 ? across : 0.0) + (down > 0.0 ? down : 0.0);
+                    double least = (across < 0.0 ? across : 0.0) + (down < 0.0 ? down : 0.0);
+                    Double8 column = Wide::lanes() * 8.0 + (double)(strip);
+                    Double8 corner = Wide::fma(column, Double8(e.a), Double8(::fma((double)(row), e.b, e.c)));
+                    some &= corner + most >= -4.0 * e.error;
+                    all &= corner + least > 4.0 * e.error;
+                }
+                int touched = Wide::bits(some), inside = Wide::bits(all);
+                int bottom = row + 8 < rows ? row + 8 : rows;
+                for (int block = 0; block < 8; ++block) {
+                    int column = strip + 8 * block;
+                    if (!(touched >> block & 1) || column >= columns)
+                        continue;
+                    for (int y = row; y < bottom; ++y)
+                        draw_segment(f, target, column, y, inside >> block & 1);
+                }
+            }
+    }
+
+    RASTER_FN void draw_segment(const Fill& f, const Target& target, int column, int row, bool inside)
+    {
+        Double8 across = Wide::lanes() + (double)(column);
+        double down = (double)(row);
+        int covered = 255, doubtful = 0;
+        if (!inside) {
+            Long8 sure = Long8(-1), possible = Long8(-1);
+            for (int k = 0; k < 3; ++k) {
+                const Linear& e = f.edge[k];
+                Double8 value = Wide::fma(across, Double8(e.a), Double8(::fma(down, e.b, e.c)));
+                sure &= value > e.error;
+                possible &= value >= -e.error;
+            }
+            covered = Wide::bits(sure);
+            doubtful = Wide::bits(possible) & ~covered;
+            if (!(covered | doubtful))
+                return;
+        }
+        Double8 z = Wide::fma(across, Double8(f.depth.a), Double8(::fma(down, f.depth.b, f.depth.c)));
+        if (f.triangle->clipped) {
+            Double8 past = __builtin_elementwise_abs(z) - 1.0;
+            doubtful = (doubtful | covered) & Wide::bits(past <= f.depth.error);
+            covered &= Wide::bits(past < -f.depth.error);
+            doubtful &= ~covered;
+        }
+        int x = f.left + column, y = f.y0 + row;
+        if (x + 8 > target.width)
+            doubtful &= 255 >> (x + 8 - target.width), covered &= 255 >> (x + 8 - target.width);
+        while (doubtful) {
+            int lane = __builtin_ctz(doubtful);
+            doubtful &= doubtful - 1;
+            double a = Triangle::column(target.width, x + lane), b = Triangle::row(target.height, y);
+            covered |= (int)(Triangle::covers(*f.triangle, a, b)) << lane;
+        }
+        if (covered)
+            blend(target, x, y, covered, __builtin_convertvector(z, Float8), f.face);
+    }
+
+    RASTER_FN void blend(const Target& target, int x, int y, int covered, Float8 z, int face)
+    {
+        z = __builtin_elementwise_min(__builtin_elementwise_max(z, Float8(-1.0f)), Float8(1.0f));
+        if (x + 8 > target.width) {
+            for (int lane = 0; lane < 8; ++lane)
+                if (covered >> lane & 1)
+                    Target::write(target, x + lane, y, z[lane], face);
+            return;
+        }
+        long long pixel = (long long)(y) * target.width + x;
+        Float8* depths = (Float8*)(target.depth + pixel);
+        Int8* faces = (Int8*)(target.face + pixel);
+        Float8 old = *depths;
+        Int8 old_face = *faces;
+        Int8 nearer = Wide::mask(covered) & ((z < old) | ((z == old) & (Int8(face) < old_face)));
+        *depths = nearer ? z : old;
+        *faces = nearer ? Int8(face) : old_face;
+    }
+};
+
+// ---------------------------------------------------------------- bins
+
+// What a chunk of triangles leaves for a bin: a fragment, or a triangle (depth below -1) that the bin draws itself.
+struct Entry {
+    unsigned where;  // bin, row and column within it
+    float depth;
+    int face;
+};
+
+// A triangle that lies over many bins; corners in bins, x | y << 16.
+struct Large {
+    int face;
+    unsigned low, high;
+};
+
+// Square bins of 2^shift pixels.
+struct Bins {
+    int shift, columns, rows, width, height;
+
+    RASTER_FN unsigned pack(const Bins& b, int x, int y)
+    {
+        unsigned bin = (unsigned)((y >> b.shift) * b.columns + (x >> b.shift));
+        unsigned mask = (1u << b.shift) - 1u;
+        return (bin << 2 * b.shift) | ((y & mask) << b.shift) | (x & mask);
+    }
+};
+
+// Triangles of one draw: clip positions, or points and the matrix that takes them there.
+struct Mesh {
+    const float* clip;
+    const float* points;
+    const double* matrix;
+    const int* indices;
+    int vertices;
+    int first;  // number of its first face in the picture
+
+    // Clip coordinates of a vertex. The same operations in the same order as in Binner::load.
+    RASTER_FN void vertex(const Mesh& m, int index, float* out)
+    {
+        if (m.points == nullptr) {
+            __builtin_memcpy(out, m.clip + 4 * (long long)(index), 16);
+            return;
+        }
+        const float* p = m.points + 3 * (long long)(index);
+        for (int r = 0; r < 4; ++r) {
+            const double* q = m.matrix + 4 * r;
+            out[r] = (float)(::fma(q[0], (double)(p[0]), ::fma(q[1], (double)(p[1]), ::fma(q[2], (double)(p[2]), q[3]))));
+        }
+    }
+
+    // False for an index out of range.
+    RASTER_FN bool triangle(const Mesh& m, int face, float* clip)
+    {
+        const int* corner = m.indices + 3 * (long long)(face);
+        for (int k = 0; k < 3; ++k) {
+            if ((unsigned)(corner[k]) >= (unsigned)(m.vertices))
+                return false;
+            vertex(m, corner[k], clip + 4 * k);
+        }
+        return true;
+    }
+};
+
+// Sorts a chunk of triangles into bins.
+struct Binner {
+    enum { Room = 8192, MostBins = 1024, SmallSide = 8, SmallArea = 24 };
+
+    Entry scratch[Room];
+    int counts[MostBins + 1];
+    int used, larges;
+    Large* large;
+    Bins bins;
+    Mesh mesh;
+    int cull;  // -1, 0 or 1: the sign of D that is not drawn
+    int fault;
+
+    RASTER_FN void emit(Binner& s, unsigned where, float depth, int face)
+    {
+        s.scratch[s.used].where = where;
+        s.scratch[s.used].depth = depth;
+        s.scratch[s.used].face = face;
+        ++s.used;
+        ++s.counts[where >> 2 * s.bins.shift];
+    }
+
+    // A triangle that bins draw by themselves: an entry in each of a few, else one record for all.
+    RASTER_FN void hand_over(Binner& s, int face, int x0, int y0, int x1, int y1)
+    {
+        int shift = s.bins.shift;
+        int left = x0 >> shift, top = y0 >> shift, right = x1 >> shift, bottom = y1 >> shift;
+        if (right - left > 1 || bottom - top > 1 || s.used + 4 > Room) {
+            Large& l = s.large[s.larges++];
+            l.face = s.mesh.first + face;
+            l.low = (unsigned)(left) | (unsigned)(top) << 16;
+            l.high = (unsigned)(right) | (unsigned)(bottom) << 16;
+            return;
+        }
+        for (int y = top; y <= bottom; ++y)
+            for (int x = left; x <= right; ++x)
+                emit(s, Bins::pack(s.bins, x << shift, y << shift), -2.0f, s.mesh.first + face);
+    }
+
+    RASTER_FN Long8 all_beyond(const Double8* v, const Double8* w, double side)
+    {
+        return (v[0] * side > w[0]) & (v[1] * side > w[1]) & (v[2] * side > w[2]);
+    }
+
+    // Eight faces from `face` on; `count` of them exist.
+    RASTER_FN void group(Binner& s, int face, int count)
+    {
+        float corner[4][3][8];
+        int present = 0;
+        for (int lane = 0; lane < 8; ++lane) {
+            float clip[12] = {};
+            if (lane < count) {
+                if (Mesh::triangle(s.mesh, face + lane, clip))
+                    present |= 1 << lane;
+                else
+                    s.fault = face + lane;
+            }
+            for (int k = 0; k < 3; ++k)
+                for (int c = 0; c < 4; ++c)
+                    corner[c][k][lane] = clip[4 * k + c];
+        }
+        Double8 x[3], y[3], z[3], w[3];
+        for (int k = 0; k < 3; ++k) {
+            x[k] = __builtin_convertvector(*(Float8*)(corner[0][k]), Double8);
+            y[k] = __builtin_convertvector(*(Float8*)(corner[1][k]), Double8);
+            z[k] = __builtin_convertvector(*(Float8*)(corner[2][k]), Double8);
+            w[k] = __builtin_convertvector(*(Float8*)(corner[3][k]), Double8);
+        }
+
+        // Wholly outside one plane of the view volume, whatever the signs of w; then what is behind the eye.
+        Long8 outside = all_beyond(x, w, 1.0) | all_beyond(x, w, -1.0) | all_beyond(y, w, 1.0)
+            | all_beyond(y, w, -1.0) | all_beyond(z, w, 1.0) | all_beyond(z, w, -1.0);
+        Double8 nearest = Wide::smaller(Wide::smaller(w[0], w[1]), w[2]);
+        Double8 farthest = Wide::larger(Wide::larger(w[0], w[1]), w[2]);
+        Double8 sum = {};
+        Long8 unclipped = Long8(-1);
+        for (int k = 0; k < 3; ++k) {
+            sum += (x[k] - x[k]) + (y[k] - y[k]) + (z[k] - z[k]) + (w[k] - w[k]);
+            unclipped &= __builtin_elementwise_abs(z[k]) <= w[k];
+        }
+        Long8 finite = sum == 0.0;
+        int alive = present & Wide::bits(~outside & finite & (farthest > 0.0));
+        if (!alive)
+            return;
+        int crossing = alive & Wide::bits(nearest <= 0.0);
+        while (crossing) {
+            int lane = __builtin_ctz(crossing);
+            crossing &= crossing - 1;
+            alive &= ~(1 << lane);
+            hand_over(s, face + lane, 0, 0, s.bins.width - 1, s.bins.height - 1);
+        }
+        if (alive)
+            project(s, face, alive, alive & Wide::bits(unclipped), x, y, z, w);
+    }
+
+    // Triangles before the eye: their pixel bounds; the small ones to fragments.
+    RASTER_FN void project(
+        Binner& s, int face, int alive, int unclipped, Double8* x, Double8* y, Double8* z, const Double8* w)
+    {
+        // Columns and rows of pixel centres are integers. X and Y are wrong by less than 2^-50 · 2^15.
+        double width = (double)(s.bins.width), height = (double)(s.bins.height);
+        for (int k = 0; k < 3; ++k) {
+            Double8 r = 1.0 / w[k];
+            x[k] = Wide::fma(x[k] * (0.5 * width), r, Double8(0.5 * width - 0.5));
+            y[k] = Wide::fma(y[k] * (-0.5 * height), r, Double8(0.5 * height - 0.5));
+            z[k] *= r;
+        }
+        const double margin = 0x1p-34;
+        Double8 low_x = __builtin_elementwise_ceil(Wide::smaller(Wide::smaller(x[0], x[1]), x[2]) - margin);
+        Double8 low_y = __builtin_elementwise_ceil(Wide::smaller(Wide::smaller(y[0], y[1]), y[2]) - margin);
+        Double8 high_x = __builtin_elementwise_floor(Wide::larger(Wide::larger(x[0], x[1]), x[2]) + margin);
+        Double8 high_y = __builtin_elementwise_floor(Wide::larger(Wide::larger(y[0], y[1]), y[2]) + margin);
+        low_x = Wide::larger(low_x, Double8(0.0));
+        low_y = Wide::larger(low_y, Double8(0.0));
+        high_x = Wide::smaller(high_x, Double8(width - 1.0));
+        high_y = Wide::smaller(high_y, Double8(height - 1.0));
+        Double8 columns = high_x - low_x + 1.0, rows = high_y - low_y + 1.0;
+        alive &= Wide::bits((columns > 0.0) & (rows > 0.0));
+        if (!alive)
+            return;
+
+        // Edge functions from the corner pixel; a, b: what a column and a row add.
+        Double8 e[3], a[3], b[3];
+        for (int k = 0; k < 3; ++k)
+            x[k] -= low_x, y[k] -= low_y;
+        for (int k = 0; k < 3; ++k) {
+            int i = (k + 1) % 3, j = (k + 2) % 3;
+            e[k] = x[i] * y[j] - x[j] * y[i];
+            a[k] = y[i] - y[j];
+            b[k] = x[j] - x[i];
+        }
+        Double8 area = e[0] + e[1] + e[2];
+        Double8 reach = Double8(0.0);
+        for (int k = 0; k < 3; ++k)
+            reach = Wide::larger(reach, Wide::larger(__builtin_elementwise_abs(x[k]), __builtin_elementwise_abs(y[k])));
+        Long8 little = (columns <= (double)(SmallSide)) & (rows <= (double)(SmallSide))
+            & (columns * rows <= (double)(SmallArea)) & (reach < 32.0) & (__builtin_elementwise_abs(area) > 0x1p-16);
+        int room = s.used + 8 * SmallArea <= Room ? 255 : 0;
+        int small = alive & unclipped & room & Wide::bits(little);
+        int others = alive & ~small;
+        Int8 x0 = __builtin_convertvector(low_x, Int8), y0 = __builtin_convertvector(low_y, Int8);
+        Int8 nx = __builtin_convertvector(columns, Int8), ny = __builtin_convertvector(rows, Int8);
+        while (others) {
+            int lane = __builtin_ctz(others);
+            others &= others - 1;
+            hand_over(s, face + lane, x0[lane], y0[lane], x0[lane] + nx[lane] - 1, y0[lane] + ny[lane] - 1);
+        }
+        // The image has y down: what turns left there turns right here.
+        if (s.cull != 0)
+            small &= ~Wide::bits(s.cull > 0 ? area < 0.0 : area > 0.0);
+        if (!small)
+            return;
+
+        Double8 side = area > 0.0 ? Double8(1.0) : Double8(-1.0);
+        Double8 scale = 1.0 / area;
+        Double8 z1 = (z[1] - z[0]) * scale, z2 = (z[2] - z[0]) * scale;
+        Double8 depth = Wide::fma(e[1], z1, Wide::fma(e[2], z2, z[0]));
+        Double8 depth_a = Wide::fma(a[1], z1, a[2] * z2), depth_b = Wide::fma(b[1], z1, b[2] * z2);
+        for (int k = 0; k < 3; ++k)
+            e[k] *= side, a[k] *= side, b[k] *= side;
+        // Inputs wrong by 2^-35 and products of at most 2 · 32 of them: below 2^-28.
+        const double doubt = 0x1p-28;
+        int most_columns = 0, most_rows = 0;
+        for (int lane = 0; lane < 8; ++lane)
+            if (small >> lane & 1) {
+                most_columns = nx[lane] > most_columns ? nx[lane] : most_columns;
+                most_rows = ny[lane] > most_rows ? ny[lane] : most_rows;
+            }
+        for (int row = 0; row < most_rows; ++row)
+            for (int column = 0; column < most_columns; ++column) {
+                Double8 i = Double8((double)(column)), j = Double8((double)(row));
+                Double8 least = Wide::fma(i, a[0], Wide::fma(j, b[0], e[0]));
+                least = Wide::smaller(least, Wide::fma(i, a[1], Wide::fma(j, b[1], e[1])));
+                least = Wide::smaller(least, Wide::fma(i, a[2], Wide::fma(j, b[2], e[2])));
+                int possible = small & Wide::bits((least > -doubt) & (i < columns) & (j < rows));
+                if (!possible)
+                    continue;
+                int sure = Wide::bits(least > doubt);
+                Double8 precise = Wide::fma(i, depth_a, Wide::fma(j, depth_b, depth));
+                precise = Wide::smaller(Wide::larger(precise, Double8(-1.0)), Double8(1.0));
+                Float8 value = __builtin_convertvector(precise, Float8);
+                while (possible) {
+                    int lane = __builtin_ctz(possible);
+                    possible &= possible - 1;
+                    int px = x0[lane] + column, py = y0[lane] + row;
+                    if (!(sure >> lane & 1) && !covers(s, face + lane, px, py))
+                        continue;
+                    emit(s, Bins::pack(s.bins, px, py), value[lane], s.mesh.first + face + lane);
+                }
+            }
+    }
+
+    RASTER_FN bool covers(const Binner& s, int face, int x, int y)
+    {
+        float clip[12];
+        Triangle t;
+        Mesh::triangle(s.mesh, face, clip);
+        Triangle::make(t, clip, s.bins.width, s.bins.height);
+        return t.orientation != 0
+            && Triangle::covers(t, Triangle::column(s.bins.width, x), Triangle::row(s.bins.height, y));
+    }
+
+    RASTER_FN void make(Binner& s, const Bins& bins, const Mesh& mesh, int cull, Large* large)
+    {
+        s.used = s.larges = 0;
+        s.fault = -1;
+        s.bins = bins;
+        s.mesh = mesh;
+        s.cull = cull;
+        s.large = large;
+        for (int bin = 0; bin <= bins.columns * bins.rows; ++bin)
+            s.counts[bin] = 0;
+    }
+
+    // Entries in the order of their bins; bin b has [starts[b], starts[b + 1]).
+    RASTER_FN void sort(Binner& s, Entry* entries, int* starts)
+    {
+        int bins = s.bins.columns * s.bins.rows, total = 0;
+        for (int bin = 0; bin < bins; ++bin) {
+            starts[bin] = total;
+            total += s.counts[bin];
+            s.counts[bin] = starts[bin];
+        }
+        starts[bins] = total;
+        for (int i = 0; i < s.used; ++i)
+            entries[s.counts[s.scratch[i].where >> 2 * s.bins.shift]++] = s.scratch[i];
+    }
+};
+
+// ---------------------------------------------------------------- one bin of the picture
+
+// Draws what the chunks left for a bin.
+struct Tile {
+    Target target;
+    Bins bins;
+    int cull;
+    int column, row;     // of the bin
+    int x0, y0, x1, y1;  // its pixels
+
+    RASTER_FN void make(Tile& t, const Target& target, const Bins& bins, int bin, int cull)
+    {
+        t.target = target;
+        t.bins = bins;
+        t.cull = cull;
+        t.column = bin % bins.columns;
+        t.row = bin / bins.columns;
+        int side = 1 << bins.shift;
+        t.x0 = t.column * side, t.y0 = t.row * side;
+        t.x1 = (t.x0 + side < bins.width ? t.x0 + side : bins.width) - 1;
+        t.y1 = (t.y0 + side < bins.height ? t.y0 + side : bins.height) - 1;
+        for (int y = t.y0; y <= t.y1; ++y)
+            for (int x = t.x0; x <= t.x1; ++x) {
+                target.depth[(long long)(y) * bins.width + x] = 1.0f;
+                target.face[(long long)(y) * bins.width + x] = 0x7fffffff;
+            }
+    }
+
+    RASTER_FN void draw(const Tile& tile, const Mesh& mesh, int face)
+    {
+        float clip[12];
+        Triangle t;
+        Mesh::triangle(mesh, face - mesh.first, clip);
+        Triangle::make(t, clip, tile.bins.width, tile.bins.height);
+        if (t.orientation == 0 || t.orientation == tile.cull)
+            return;
+        int x0 = tile.x0, y0 = tile.y0, x1 = tile.x1, y1 = tile.y1;
+        bound(t, x0, x1, t.x, 0.5 * t.width);
+        bound(t, y0, y1, t.y, -0.5 * t.height);
+        Fill fill;
+        if (x0 <= x1 && y0 <= y1 && Fill::make(fill, t, face, x0, y0, x1, y1))
+            Fill::draw(fill, tile.target);
+    }
+
+    // Narrows an interval of pixels to the triangle's, as Binner::project does.
+    RASTER_FN void bound(const Triangle& t, int& first, int& last, const double* v, double scale)
+    {
+        if (!(t.w[0] > 0.0 && t.w[1] > 0.0 && t.w[2] > 0.0))
+            return;
+        double half = Triangle::magnitude(scale) - 0.5;
+        double low = 1e300, high = -1e300;
+        for (int k = 0; k < 3; ++k) {
+            double p = ::fma(v[k] * scale, 1.0 / t.w[k], half);
+            low = p < low ? p : low;
+            high = p > high ? p : high;
+        }
+        low = __builtin_ceil(low - 0x1p-34), high = __builtin_floor(high + 0x1p-34);
+        if (low > first)
+            first = low > last ? last + 1 : (int)(low);
+        if (high < last)
+            last = high < first ? first - 1 : (int)(high);
+    }
+
+    RASTER_FN void draw_entries(const Tile& tile, const Mesh& mesh, const Entry* entry, const Entry* end)
+    {
+        int shift = tile.bins.shift, mask = (1 << shift) - 1;
+        for (; entry < end; ++entry) {
+            if (entry->depth < -1.0f)
+                draw(tile, mesh, entry->face);
+            else
+                Target::write(
+                    tile.target, tile.x0 + (entry->where & mask), tile.y0 + (entry->where >> shift & mask),
+                    entry->depth, entry->face);
+        }
+    }
+
+    RASTER_FN void draw_larges(const Tile& tile, const Mesh& mesh, const Large* large, int count)
+    {
+        unsigned column = (unsigned)(tile.column), row = (unsigned)(tile.row);
+        for (int i = 0; i < count; ++i) {
+            const Large& l = large[i];
+            if ((l.low & 0xffff) <= column && (l.high & 0xffff) >= column && l.low >> 16 <= row && l.high >> 16 >= row)
+                draw(tile, mesh, l.face);
+        }
+    }
+};
+
+// Perspective-correct barycentrics of the faces that were left in the picture.
+struct Resolve {
+    // Eight pixels from (x, y) on; clip coordinates by component, vertex and lane.
+    RASTER_FN void barycentrics(
+        const Corners* clip, int width, int height, int x, int y, Float8& u, Float8& v)
+    {
+        Double8 a = 2.0 * (Wide::lanes() + (double)(x)) + (double)(1 - width);
+        Double8 b = Double8((double)(height - 2 * y - 1));
+        Double8 dx[3], dy[3], e[3];
+        for (int k = 0; k < 3; ++k) {
+            Double8 w = __builtin_convertvector(*(Float8*)(clip[3][k]), Double8);
+            dx[k] = Wide::fma(-a, w, __builtin_convertvector(*(Float8*)(clip[0][k]), Double8) * (double)(width));
+            dy[k] = Wide::fma(-b, w, __builtin_convertvector(*(Float8*)(clip[1][k]), Double8) * (double)(height));
+        }
+        for (int k = 0; k < 3; ++k) {
+            int i = (k + 1) % 3, j = (k + 2) % 3;
+            Double8 product = dx[j] * dy[i];
+            e[k] = Wide::fma(dx[i], dy[j], -product) + Wide::fma(-dx[j], dy[i], product);
+        }
+        Double8 total = e[0] + e[1] + e[2];
+        Double8 scale = total != 0.0 ? 1.0 / total : Double8(0.0);
+        Double8 uu = Wide::smaller(Wide::larger(e[1] * scale, Double8(0.0)), Double8(1.0));
+        Double8 vv = Wide::smaller(Wide::larger(e[2] * scale, Double8(0.0)), 1.0 - uu);
+        u = __builtin_convertvector(uu, Float8);
+        v = __builtin_convertvector(vv, Float8);
+    }
+};
+
+#endif

@@ -1,0 +1,341 @@
+"""Rasterization: which triangle each pixel centre sees, by homogeneous edge functions and a depth buffer.
+
+Coverage is exact for the float32 clip coordinates: a sign that double precision does not settle is found with exact
+sums (raster.h). Triangles may cross the eye plane; nothing is clipped but per pixel (Olano and Greer 1997).
+
+On the CPU triangles are sorted middle: chunks of triangles go to bins of the picture by count, prefix sum and scatter,
+then each bin is drawn by one thread, so that no two threads write one address. On CUDA one thread draws one triangle
+and the nearest wins by an atomic minimum of depth and face in one 64-bit key (Laine and Karras, "High-Performance
+Software Rasterization on GPUs", 2011, weigh both).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import warp as wp
+
+from ..launch import launch
+
+#: Pixels along a side of the picture, at most: the error bounds of raster.h count on it.
+LARGEST_SIDE = 32768
+#: Triangles in a chunk, entries that it may leave in bins, and bins at most: `Binner` in raster.h.
+_CHUNK, _ROOM, _MOST_BINS = 2048, 8192, 1024
+_SMALLEST_SHIFT = 6
+
+_CULL = {"none": 0, "back": -1, "front": 1}
+_OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": "-march=native"}
+_HEADER = (Path(__file__).parent / "raster.h").read_text()
+
+
+class Raster(NamedTuple):
+    """What each pixel centre sees: arrays (H, W), row 0 at the top.
+
+    Attributes:
+        face: int32, -1 where nothing is seen.
+        u: float32, perspective-correct weight of vertex 1; 0 on a miss.
+        v: float32, that of vertex 2.
+        depth: float32 z / w in [-1, 1], smaller is nearer; 1 on a miss.
+    """
+
+    face: wp.array
+    u: wp.array
+    v: wp.array
+    depth: wp.array
+
+
+@wp.struct
+class Draw:
+    """Triangles (F, 3): of clip positions, or of points that `RasterTask.matrices` takes to clip space."""
+
+    clip: wp.array(dtype=wp.vec4)
+    points: wp.array(dtype=wp.vec3)
+    indices: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class RasterTask:
+    """One picture. A face's number in the picture is `first_face` of its draw plus its index there.
+
+    `chunks` (C, 3) has draw, first face and number of faces; `starts` (C, bins + 1) where each bin begins among a
+    chunk's entries; `faults` a face with an index out of range, or -1.
+    """
+
+    draws: wp.array(dtype=Draw)
+    matrices: wp.array(dtype=wp.mat44d)
+    first_face: wp.array(dtype=wp.int32)
+    chunks: wp.array2d(dtype=wp.int32)
+    width: wp.int32
+    height: wp.int32
+    cull: wp.int32
+    shift: wp.int32
+    entries: wp.array(dtype=wp.vec3i)
+    starts: wp.array(dtype=wp.int32)
+    large: wp.array(dtype=wp.vec3i)
+    large_counts: wp.array(dtype=wp.int32)
+    faults: wp.array(dtype=wp.int32)
+    face: wp.array2d(dtype=wp.int32)
+    u: wp.array2d(dtype=wp.float32)
+    v: wp.array2d(dtype=wp.float32)
+    depth: wp.array2d(dtype=wp.float32)
+
+
+_TASK = """
+auto mesh_of = [&](int draw) {
+    auto& d = task.draws.data[draw];
+    Mesh m;
+    m.clip = (const float*)(d.clip.data);
+    m.points = (const float*)(d.points.data);
+    m.matrix = (const double*)(task.matrices.data + draw);
+    m.indices = d.indices.data;
+    m.vertices = m.points ? d.points.shape[0] : d.clip.shape[0];
+    m.first = task.first_face.data[draw];
+    return m;
+};
+Bins bins;
+bins.shift = task.shift;
+bins.width = task.width;
+bins.height = task.height;
+bins.columns = ((task.width - 1) >> task.shift) + 1;
+bins.rows = ((task.height - 1) >> task.shift) + 1;
+int bin_count = bins.columns * bins.rows;
+"""
+
+_BIN = """
+const int* range = task.chunks.data + 3 * chunk;
+Large* large = (Large*)(task.large.data) + (long long)(CHUNK) * chunk;
+Binner binner;
+Binner::make(binner, bins, mesh_of(range[0]), task.cull, large);
+for (int face = 0; face < range[2]; face += 8)
+    Binner::group(binner, range[1] + face, range[2] - face);
+Entry* entries = (Entry*)(task.entries.data) + (long long)(Binner::Room) * chunk;
+Binner::sort(binner, entries, task.starts.data + (long long)(bin_count + 1) * chunk);
+task.large_counts.data[chunk] = binner.larges;
+task.faults.data[chunk] = binner.fault;
+""".replace("CHUNK", str(_CHUNK))
+
+_FILL = """
+Target target;
+target.depth = task.depth.data;
+target.face = task.face.data;
+target.width = task.width;
+target.height = task.height;
+Tile tile;
+Tile::make(tile, target, bins, bin, task.cull);
+int draw = -1;
+Mesh mesh;
+for (int chunk = 0; chunk < task.chunks.shape[0]; ++chunk) {
+    const int* starts = task.starts.data + (long long)(bin_count + 1) * chunk + bin;
+    int larges = task.large_counts.data[chunk];
+    if (starts[0] == starts[1] && larges == 0)
+        continue;
+    if (task.chunks.data[3 * chunk] != draw)
+        mesh = mesh_of(draw = task.chunks.data[3 * chunk]);
+    const Entry* entries = (const Entry*)(task.entries.data) + (long long)(Binner::Room) * chunk;
+    Tile::draw_entries(tile, mesh, entries + starts[0], entries + starts[1]);
+    Tile::draw_larges(tile, mesh, (const Large*)(task.large.data) + (long long)(CHUNK) * chunk, larges);
+}
+int draws = task.first_face.shape[0], first = 0, last = -1;
+for (int y = tile.y0; y <= tile.y1; ++y)
+    for (int x = tile.x0; x <= tile.x1; x += 8) {
+        float clip[4][3][8] = {};
+        long long pixel = (long long)(y) * task.width + x;
+        int columns = tile.x1 - x + 1 < 8 ? tile.x1 - x + 1 : 8, seen = 0;
+        for (int lane = 0; lane < columns; ++lane) {
+            int face = target.face[pixel + lane];
+            if (face == 0x7fffffff)
+                continue;
+            ++seen;
+            if (face < first || face > last) {
+                int low = 0, high = draws - 1;
+                while (low < high) {
+                    int middle = (low + high + 1) / 2;
+                    if (task.first_face.data[middle] <= face)
+                        low = middle;
+                    else
+                        high = middle - 1;
+                }
+                mesh = mesh_of(low);
+                first = mesh.first;
+                last = low + 1 < draws ? task.first_face.data[low + 1] - 1 : 0x7ffffffe;
+            }
+            float corners[12];
+            Mesh::triangle(mesh, face - first, corners);
+            for (int k = 0; k < 3; ++k)
+                for (int c = 0; c < 4; ++c)
+                    clip[c][k][lane] = corners[4 * k + c];
+        }
+        Float8 u = {}, v = {};
+        if (seen)
+            Resolve::barycentrics(clip, task.width, task.height, x, y, u, v);
+        for (int lane = 0; lane < columns; ++lane) {
+            bool hit = target.face[pixel + lane] != 0x7fffffff;
+            target.face[pixel + lane] = hit ? target.face[pixel + lane] : -1;
+            task.u.data[pixel + lane] = hit ? u[lane] : 0.0f;
+            task.v.data[pixel + lane] = hit ? v[lane] : 0.0f;
+        }
+    }
+""".replace("CHUNK", str(_CHUNK))
+
+
+@cache
+def _bin_kernel() -> wp.Kernel:
+    @wp.func_native(_HEADER + _TASK + _BIN)
+    def bin_chunk(task: RasterTask, chunk: wp.int32): ...
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def bin_triangles(first: wp.int32, task: RasterTask):
+        bin_chunk(task, first + wp.tid())
+
+    return bin_triangles
+
+
+@cache
+def _fill_kernel() -> wp.Kernel:
+    @wp.func_native(_HEADER + _TASK + _FILL)
+    def fill_bin(task: RasterTask, bin: wp.int32): ...
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def fill_bins(first: wp.int32, task: RasterTask):
+        fill_bin(task, first + wp.tid())
+
+    return fill_bins
+
+
+def rasterize(
+    clip_positions: np.ndarray | wp.array,
+    indices: np.ndarray | wp.array,
+    width: int,
+    height: int,
+    device: str | wp.Device | None = None,
+    threads: int | None = None,
+    cull: str = "none",
+) -> Raster:
+    """Find the nearest triangle at every pixel centre.
+
+    Args:
+        clip_positions: (N, 4) float32 clip-space positions, numpy or a `wp.array(dtype=wp.vec4)`. +y is up, row 0
+            of the picture is at y = w. Triangles with a coordinate that is not finite are not drawn.
+        indices: (F, 3) or (3 F,) int.
+        width: of the picture in pixels.
+        height: likewise.
+        device: "cpu" or a CUDA device; None takes that of a `wp.array` given, else the CPU.
+        threads: CPU threads, None for all cores. The picture does not depend on it.
+        cull: "none", "back" or "front"; a front face turns counter-clockwise.
+
+    Returns:
+        A `Raster`. Of equally deep triangles (as float32) the one with the smaller index is seen. Where centres lie
+        on an edge, the triangle owns those on its left and top edges.
+
+    Raises:
+        ValueError: a size, shape or index out of range.
+        MemoryError: the picture does not fit the device's memory.
+    """
+    device = _device_of(clip_positions, indices, device)
+    _check_size(width, height)
+    if cull not in _CULL:
+        raise ValueError(f"cull {cull!r} is not one of none, back, front")
+    positions = _positions(clip_positions, device)
+    triangles = _indices(indices, device)
+    draw = Draw()
+    draw.clip, draw.indices = positions, triangles
+    task = _task([draw], [len(triangles) // 3], width, height, device)
+    task.cull = _CULL[cull]
+    _run(task, device, threads)
+    faults = task.faults.numpy()
+    if (faults >= 0).any():
+        face = int(faults[faults >= 0].min())
+        corners = triangles.numpy()[3 * face : 3 * face + 3].tolist()
+        raise ValueError(f"triangle {face} has indices {corners}, outside 0…{len(positions) - 1}")
+    return Raster(task.face, task.u, task.v, task.depth)
+
+
+def _run(task: RasterTask, device: wp.Device, threads: int | None) -> None:
+    launch(_bin_kernel(), task.chunks.shape[0], [task], device, threads, smallest_chunk=1)
+    bins = (((task.width - 1) >> task.shift) + 1) * (((task.height - 1) >> task.shift) + 1)
+    launch(_fill_kernel(), bins, [task], device, threads, smallest_chunk=1)
+
+
+def _task(draws: list[Draw], faces: list[int], width: int, height: int, device: wp.Device) -> RasterTask:
+    """The task for these draws with `faces` triangles each, with its buffers."""
+    task = RasterTask()
+    task.width, task.height = width, height
+    task.draws = wp.array(draws, dtype=Draw, device=device)
+    first = np.concatenate([[0], np.cumsum(faces)]).astype(np.int64)
+    if first[-1] >= 2**31 - 1:
+        raise ValueError(f"{first[-1]} triangles are more than fit one picture's face numbers")
+    task.first_face = wp.array(first[:-1].astype(np.int32), dtype=wp.int32, device=device)
+    chunks = _chunks(np.asarray(faces, np.int64))
+    task.chunks = wp.array(chunks, dtype=wp.int32, device=device) if len(chunks) else wp.empty((0, 3), wp.int32)
+    task.shift = _SMALLEST_SHIFT
+    while (((width - 1) >> task.shift) + 1) * (((height - 1) >> task.shift) + 1) > _MOST_BINS:
+        task.shift += 1
+    bins = (((width - 1) >> task.shift) + 1) * (((height - 1) >> task.shift) + 1)
+    count = len(chunks)
+    task.entries = wp.empty(count * _ROOM, wp.vec3i, device=device)
+    task.large = wp.empty(count * _CHUNK, wp.vec3i, device=device)
+    task.starts = wp.empty(count * (bins + 1), wp.int32, device=device)
+    task.large_counts = wp.empty(count, wp.int32, device=device)
+    task.faults = wp.empty(count, wp.int32, device=device)
+    try:
+        task.face = wp.empty((height, width), wp.int32, device=device)
+        task.u = wp.empty((height, width), wp.float32, device=device)
+        task.v = wp.empty((height, width), wp.float32, device=device)
+        task.depth = wp.empty((height, width), wp.float32, device=device)
+    except (RuntimeError, MemoryError) as error:
+        raise MemoryError(f"a picture of {width}x{height} pixels does not fit the memory of {device}") from error
+    return task
+
+
+def _chunks(faces: np.ndarray) -> np.ndarray:
+    """(C, 3) int32: draw, first face in it, number of faces."""
+    per_draw = -(-faces // _CHUNK)
+    draw = np.repeat(np.arange(len(faces)), per_draw)
+    nth = np.arange(len(draw)) - np.repeat(np.cumsum(per_draw) - per_draw, per_draw)
+    first = nth * _CHUNK
+    return np.stack([draw, first, np.minimum(faces[draw] - first, _CHUNK)], 1).astype(np.int32)
+
+
+def _device_of(positions: np.ndarray | wp.array, indices: np.ndarray | wp.array, device: object) -> wp.Device:
+    if device is None:
+        device = next((a.device for a in (positions, indices) if isinstance(a, wp.array)), "cpu")
+    return wp.get_device(device)
+
+
+def _check_size(width: int, height: int) -> None:
+    for name, size in (("width", width), ("height", height)):
+        if size != int(size) or not 1 <= size <= LARGEST_SIDE:
+            raise ValueError(f"{name} must be 1…{LARGEST_SIDE} pixels, not {size}")
+
+
+def _positions(positions: np.ndarray | wp.array, device: wp.Device) -> wp.array:
+    if not isinstance(positions, wp.array):
+        positions = np.asarray(positions)
+        if positions.ndim != 2 or positions.shape[1] != 4:
+            raise ValueError(f"clip positions must have shape (N, 4), not {positions.shape}")
+        return wp.array(np.ascontiguousarray(positions, np.float32), dtype=wp.vec4, device=device)
+    if positions.dtype == wp.float32 and positions.ndim == 2 and positions.shape[1] == 4:
+        positions = positions.contiguous().view(wp.vec4).flatten() if positions.size else wp.empty(0, wp.vec4)
+    if positions.dtype != wp.vec4 or positions.ndim != 1:
+        raise ValueError(f"clip positions must be (N,) vec4 or (N, 4) float32, not {positions.shape} {positions.dtype}")
+    return positions.contiguous().to(device)
+
+
+def _indices(indices: np.ndarray | wp.array, device: wp.Device) -> wp.array:
+    shape = tuple(indices.shape if isinstance(indices, wp.array) else np.shape(indices))
+    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[1] != 3) or int(np.prod(shape)) % 3:
+        raise ValueError(f"indices must have shape (F, 3) or (3 F,), not {shape}")
+    if isinstance(indices, wp.array) and indices.dtype == wp.int32:
+        return indices.contiguous().flatten().to(device)
+    host = np.reshape(indices.numpy() if isinstance(indices, wp.array) else indices, -1)
+    if not host.size:
+        return wp.empty(0, wp.int32, device=device)
+    if host.dtype.kind not in "iu":
+        raise ValueError(f"indices must be integers, not {host.dtype}")
+    if host.dtype != np.int32:
+        # What int32 cannot hold is out of range as it is; -1 says so to the kernel.
+        host = np.where((host < 0) | (host > 2**31 - 1), -1, host).astype(np.int32)
+    return wp.array(host, dtype=wp.int32, device=device)
