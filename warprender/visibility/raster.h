@@ -7,7 +7,9 @@
 //   Expansion            sums and products of doubles without any rounding (Shewchuk 1997)
 //   Triangle             its exact predicates: orientation, edges, clipping planes; depth and barycentrics
 //   Linear, Fill         edge functions and depth over a rectangle, eight pixels at once
+//   Mesh, Corners        where triangles come from
 //   Bins, Binner         triangles to bins by count, prefix sum and scatter, eight triangles at once
+//   Tile                 one bin of the picture: draws what is in it, then barycentrics
 //
 // A pixel centre is the homogeneous point (a, b, 1) of a frame in which vertex k is P_k = (width x_k, height y_k, w_k):
 // a = 2 column + 1 - width and b = height - 2 row - 1 are integers. With edge functions e_k = det(P_i, P_j, (a, b, 1))
@@ -16,6 +18,8 @@
 // by w before coverage is known, and nothing is cut at the eye plane.
 
 #define RASTER_FN static inline CUDA_CALLABLE
+
+typedef decltype(task) Task;  // RasterTask of raster.py, the argument of every function that holds this text
 
 // ---------------------------------------------------------------- exact sums
 
@@ -230,13 +234,14 @@ typedef double Double8 __attribute__((ext_vector_type(8)));
 typedef float Float8 __attribute__((ext_vector_type(8), aligned(4)));
 typedef int Int8 __attribute__((ext_vector_type(8), aligned(4)));
 typedef decltype(Double8() < Double8()) Long8;
-typedef float Corners[3][8];  // of one clip coordinate: vertex, lane
+typedef float Float4 __attribute__((ext_vector_type(4), aligned(4)));
 typedef bool Bool8 __attribute__((ext_vector_type(8)));
 
 struct Wide {
     RASTER_FN Double8 fma(Double8 a, Double8 b, Double8 c) { return __builtin_elementwise_fma(a, b, c); }
     RASTER_FN Double8 smaller(Double8 a, Double8 b) { return __builtin_elementwise_min(a, b); }
     RASTER_FN Double8 larger(Double8 a, Double8 b) { return __builtin_elementwise_max(a, b); }
+    RASTER_FN Double8 exact(Float8 a) { return __builtin_convertvector(a, Double8); }
     RASTER_FN Double8 lanes() { return Double8 { 0, 1, 2, 3, 4, 5, 6, 7 }; }
     RASTER_FN int bits(Long8 mask)
     {
@@ -462,7 +467,7 @@ struct Entry {
     int face;
 };
 
-// A triangle that lies over many bins; corners in bins, x | y << 16.
+// A triangle that lies over many bins; corners in bins, x | y << 16. As large as an Entry, and kept with them.
 struct Large {
     int face;
     unsigned low, high;
@@ -472,6 +477,14 @@ struct Large {
 struct Bins {
     int shift, columns, rows, width, height;
 
+    RASTER_FN void make(Bins& b, const Task& task)
+    {
+        b.shift = task.shift;
+        b.width = task.width;
+        b.height = task.height;
+        b.columns = ((task.width - 1) >> task.shift) + 1;
+        b.rows = ((task.height - 1) >> task.shift) + 1;
+    }
     RASTER_FN unsigned pack(const Bins& b, int x, int y)
     {
         unsigned bin = (unsigned)((y >> b.shift) * b.columns + (x >> b.shift));
@@ -489,38 +502,127 @@ struct Mesh {
     int vertices;
     int first;  // number of its first face in the picture
 
-    // Clip coordinates of a vertex. The same operations in the same order as in Binner::load.
-    RASTER_FN void vertex(const Mesh& m, int index, float* out)
+    RASTER_FN void make(Mesh& m, const Task& task, int draw)
     {
-        if (m.points == nullptr) {
-            __builtin_memcpy(out, m.clip + 4 * (long long)(index), 16);
-            return;
-        }
-        const float* p = m.points + 3 * (long long)(index);
-        for (int r = 0; r < 4; ++r) {
-            const double* q = m.matrix + 4 * r;
-            out[r] = (float)(::fma(q[0], (double)(p[0]), ::fma(q[1], (double)(p[1]), ::fma(q[2], (double)(p[2]), q[3]))));
-        }
+        auto& d = task.draws.data[draw];
+        m.clip = (const float*)(d.clip.data);
+        m.points = (const float*)(d.points.data);
+        m.matrix = (const double*)(task.matrices.data + draw);
+        m.indices = d.indices.data;
+        m.vertices = m.points ? d.points.shape[0] : d.clip.shape[0];
+        m.first = task.first_face.data[draw];
     }
 
-    // False for an index out of range.
-    RASTER_FN bool triangle(const Mesh& m, int face, float* clip)
+    // The draw that a face of the picture belongs to.
+    RASTER_FN int owner(const Task& task, int face)
     {
-        const int* corner = m.indices + 3 * (long long)(face);
-        for (int k = 0; k < 3; ++k) {
-            if ((unsigned)(corner[k]) >= (unsigned)(m.vertices))
-                return false;
-            vertex(m, corner[k], clip + 4 * k);
+        int low = 0, high = task.first_face.shape[0] - 1;
+        while (low < high) {
+            int middle = (low + high + 1) / 2;
+            if (task.first_face.data[middle] <= face)
+                low = middle;
+            else
+                high = middle - 1;
         }
-        return true;
+        return low;
+    }
+
+    // A point with w 1, or a clip position as it is.
+    RASTER_FN Float4 fetch(const Mesh& m, int index)
+    {
+        if (!m.points)
+            return *(const Float4*)(m.clip + 4 * (long long)(index));
+        const float* p = m.points + 3 * (long long)(index);
+        return Float4 { p[0], p[1], p[2], 1.0f };
+    }
+
+    // Clip coordinates of a face's vertices: the operations of Corners::transform, so the same bits.
+    RASTER_FN void triangle(const Mesh& m, int face, float* clip)
+    {
+        for (int k = 0; k < 3; ++k) {
+            Float4 p = fetch(m, m.indices[3 * (long long)(face) + k]);
+            for (int c = 0; c < 4; ++c) {
+                const double* q = m.matrix + 4 * c;
+                clip[4 * k + c] = m.points ? (float)(::fma(
+                                      q[0], (double)(p[0]), ::fma(q[1], (double)(p[1]), ::fma(q[2], (double)(p[2]), q[3]))))
+                                           : p[c];
+            }
+        }
+    }
+};
+
+// Clip coordinates of the vertices of eight triangles.
+struct Corners {
+    Float8 x[3], y[3], z[3], w[3];
+
+    // Lanes that are not in `present` stay as they are. Returns the lanes whose indices are out of range.
+    RASTER_FN int load(Corners& c, const Mesh& m, const int* face, int present)
+    {
+        Float4 corner[3][8];
+        int faults = 0;
+        for (int lane = 0; lane < 8; ++lane) {
+            bool good = present >> lane & 1;
+            const int* index = m.indices + 3 * (long long)(good ? face[lane] : 0);
+            for (int k = 0; k < 3; ++k)
+                if (good && (unsigned)(index[k]) >= (unsigned)(m.vertices)) {
+                    good = false;
+                    faults |= 1 << lane;
+                }
+            for (int k = 0; k < 3; ++k)
+                corner[k][lane] = good ? Mesh::fetch(m, index[k]) : Float4(0.0f);
+        }
+        Int8 chosen = Wide::mask(present);
+        for (int k = 0; k < 3; ++k) {
+            Corners::Four loaded = transpose(corner[k]);
+            if (m.points)
+                transform(m, loaded);
+            c.x[k] = chosen ? loaded.x : c.x[k];
+            c.y[k] = chosen ? loaded.y : c.y[k];
+            c.z[k] = chosen ? loaded.z : c.z[k];
+            c.w[k] = chosen ? loaded.w : c.w[k];
+        }
+        return faults;
+    }
+
+    struct Four {
+        Float8 x, y, z, w;
+    };
+
+    RASTER_FN Four transpose(const Float4* p)
+    {
+        Float8 q[4];
+        for (int i = 0; i < 4; ++i)
+            q[i] = __builtin_shufflevector(p[i], p[i + 4], 0, 1, 2, 3, 4, 5, 6, 7);
+        Float8 xy = __builtin_shufflevector(q[0], q[1], 0, 8, 1, 9, 4, 12, 5, 13);
+        Float8 zw = __builtin_shufflevector(q[0], q[1], 2, 10, 3, 11, 6, 14, 7, 15);
+        Float8 xy2 = __builtin_shufflevector(q[2], q[3], 0, 8, 1, 9, 4, 12, 5, 13);
+        Float8 zw2 = __builtin_shufflevector(q[2], q[3], 2, 10, 3, 11, 6, 14, 7, 15);
+        return Four {
+            __builtin_shufflevector(xy, xy2, 0, 1, 8, 9, 4, 5, 12, 13),
+            __builtin_shufflevector(xy, xy2, 2, 3, 10, 11, 6, 7, 14, 15),
+            __builtin_shufflevector(zw, zw2, 0, 1, 8, 9, 4, 5, 12, 13),
+            __builtin_shufflevector(zw, zw2, 2, 3, 10, 11, 6, 7, 14, 15),
+        };
+    }
+
+    RASTER_FN Float8 row(const double* q, Double8 x, Double8 y, Double8 z)
+    {
+        Double8 sum = Wide::fma(Double8(q[2]), z, Double8(q[3]));
+        return __builtin_convertvector(Wide::fma(Double8(q[0]), x, Wide::fma(Double8(q[1]), y, sum)), Float8);
+    }
+    RASTER_FN void transform(const Mesh& m, Four& p)
+    {
+        Double8 x = Wide::exact(p.x), y = Wide::exact(p.y), z = Wide::exact(p.z);
+        p = Four { row(m.matrix, x, y, z), row(m.matrix + 4, x, y, z), row(m.matrix + 8, x, y, z),
+            row(m.matrix + 12, x, y, z) };
     }
 };
 
 // Sorts a chunk of triangles into bins.
 struct Binner {
-    enum { Room = 8192, MostBins = 1024, SmallSide = 8, SmallArea = 24 };
+    enum { Chunk = 2048, Room = 16384, Entries = Room - Chunk, MostBins = 1024, SmallSide = 8, SmallArea = 24 };
 
-    Entry scratch[Room];
+    Entry scratch[Entries];
     int counts[MostBins + 1];
     int used, larges;
     Large* large;
@@ -543,7 +645,7 @@ struct Binner {
     {
         int shift = s.bins.shift;
         int left = x0 >> shift, top = y0 >> shift, right = x1 >> shift, bottom = y1 >> shift;
-        if (right - left > 1 || bottom - top > 1 || s.used + 4 > Room) {
+        if (right - left > 1 || bottom - top > 1 || s.used + 4 > Entries) {
             Large& l = s.large[s.larges++];
             l.face = s.mesh.first + face;
             l.low = (unsigned)(left) | (unsigned)(top) << 16;
@@ -563,26 +665,22 @@ struct Binner {
     // Eight faces from `face` on; `count` of them exist.
     RASTER_FN void group(Binner& s, int face, int count)
     {
-        float corner[4][3][8];
-        int present = 0;
-        for (int lane = 0; lane < 8; ++lane) {
-            float clip[12] = {};
-            if (lane < count) {
-                if (Mesh::triangle(s.mesh, face + lane, clip))
-                    present |= 1 << lane;
-                else
-                    s.fault = face + lane;
-            }
-            for (int k = 0; k < 3; ++k)
-                for (int c = 0; c < 4; ++c)
-                    corner[c][k][lane] = clip[4 * k + c];
+        int faces[8];
+        for (int lane = 0; lane < 8; ++lane)
+            faces[lane] = face + lane;
+        Corners corners = {};
+        int present = count < 8 ? (1 << count) - 1 : 255;
+        int faults = Corners::load(corners, s.mesh, faces, present);
+        if (faults) {
+            s.fault = face + __builtin_ctz(faults);
+            present &= ~faults;
         }
         Double8 x[3], y[3], z[3], w[3];
         for (int k = 0; k < 3; ++k) {
-            x[k] = __builtin_convertvector(*(Float8*)(corner[0][k]), Double8);
-            y[k] = __builtin_convertvector(*(Float8*)(corner[1][k]), Double8);
-            z[k] = __builtin_convertvector(*(Float8*)(corner[2][k]), Double8);
-            w[k] = __builtin_convertvector(*(Float8*)(corner[3][k]), Double8);
+            x[k] = Wide::exact(corners.x[k]);
+            y[k] = Wide::exact(corners.y[k]);
+            z[k] = Wide::exact(corners.z[k]);
+            w[k] = Wide::exact(corners.w[k]);
         }
 
         // Wholly outside one plane of the view volume, whatever the signs of w; then what is behind the eye.
@@ -653,11 +751,12 @@ struct Binner {
             reach = Wide::larger(reach, Wide::larger(__builtin_elementwise_abs(x[k]), __builtin_elementwise_abs(y[k])));
         Long8 little = (columns <= (double)(SmallSide)) & (rows <= (double)(SmallSide))
             & (columns * rows <= (double)(SmallArea)) & (reach < 32.0) & (__builtin_elementwise_abs(area) > 0x1p-16);
-        int room = s.used + 8 * SmallArea <= Room ? 255 : 0;
+        int room = s.used + 8 * SmallArea <= Entries ? 255 : 0;
         int small = alive & unclipped & room & Wide::bits(little);
         int others = alive & ~small;
-        Int8 x0 = __builtin_convertvector(low_x, Int8), y0 = __builtin_convertvector(low_y, Int8);
-        Int8 nx = __builtin_convertvector(columns, Int8), ny = __builtin_convertvector(rows, Int8);
+        int x0[8], y0[8], nx[8], ny[8];
+        *(Int8*)(x0) = __builtin_convertvector(low_x, Int8), *(Int8*)(y0) = __builtin_convertvector(low_y, Int8);
+        *(Int8*)(nx) = __builtin_convertvector(columns, Int8), *(Int8*)(ny) = __builtin_convertvector(rows, Int8);
         while (others) {
             int lane = __builtin_ctz(others);
             others &= others - 1;
@@ -696,7 +795,8 @@ struct Binner {
                 int sure = Wide::bits(least > doubt);
                 Double8 precise = Wide::fma(i, depth_a, Wide::fma(j, depth_b, depth));
                 precise = Wide::smaller(Wide::larger(precise, Double8(-1.0)), Double8(1.0));
-                Float8 value = __builtin_convertvector(precise, Float8);
+                float value[8];
+                *(Float8*)(value) = __builtin_convertvector(precise, Float8);
                 while (possible) {
                     int lane = __builtin_ctz(possible);
                     possible &= possible - 1;
@@ -730,6 +830,24 @@ struct Binner {
             s.counts[bin] = 0;
     }
 
+    RASTER_FN void run(const Task& task, int chunk)
+    {
+        const int* range = task.chunks.data + 3 * chunk;
+        Bins bins;
+        Bins::make(bins, task);
+        Mesh mesh;
+        Mesh::make(mesh, task, range[0]);
+        Binner s;
+        Entry* entries = (Entry*)(task.entries.data) + (long long)(Room) * chunk;
+        make(s, bins, mesh, task.cull, (Large*)(entries) + Entries);
+        for (int face = 0; face < range[2]; face += 8)
+            group(s, range[1] + face, range[2] - face);
+        int bin_count = bins.columns * bins.rows;
+        sort(s, entries, task.starts.data + (long long)(bin_count + 1) * chunk);
+        task.large_counts.data[chunk] = s.larges;
+        task.faults.data[chunk] = s.fault;
+    }
+
     // Entries in the order of their bins; bin b has [starts[b], starts[b + 1]).
     RASTER_FN void sort(Binner& s, Entry* entries, int* starts)
     {
@@ -749,6 +867,8 @@ struct Binner {
 
 // Draws what the chunks left for a bin.
 struct Tile {
+    enum { None = 0x7fffffff };  // face of a pixel that nothing was drawn to
+
     Target target;
     Bins bins;
     int cull;
@@ -769,7 +889,7 @@ struct Tile {
         for (int y = t.y0; y <= t.y1; ++y)
             for (int x = t.x0; x <= t.x1; ++x) {
                 target.depth[(long long)(y) * bins.width + x] = 1.0f;
-                target.face[(long long)(y) * bins.width + x] = 0x7fffffff;
+                target.face[(long long)(y) * bins.width + x] = None;
             }
     }
 
@@ -830,21 +950,69 @@ struct Tile {
                 draw(tile, mesh, l.face);
         }
     }
-};
 
-// Perspective-correct barycentrics of the faces that were left in the picture.
-struct Resolve {
-    // Eight pixels from (x, y) on; clip coordinates by component, vertex and lane.
-    RASTER_FN void barycentrics(
-        const Corners* clip, int width, int height, int x, int y, Float8& u, Float8& v)
+    // The picture as users have it: misses marked, and perspective-correct barycentrics of the faces that are left.
+    RASTER_FN void finish(const Tile& tile, const Task& task)
     {
-        Double8 a = 2.0 * (Wide::lanes() + (double)(x)) + (double)(1 - width);
-        Double8 b = Double8((double)(height - 2 * y - 1));
+        for (int y = tile.y0; y <= tile.y1; ++y)
+            for (int x = tile.x0; x <= tile.x1; x += 8) {
+                long long pixel = (long long)(y) * task.width + x;
+                if (x + 8 <= task.width) {
+                    finish_eight(task, x, y, task.face.data + pixel, task.u.data + pixel, task.v.data + pixel);
+                    continue;
+                }
+                int count = task.width - x, faces[8];
+                float u[8], v[8];
+                for (int lane = 0; lane < 8; ++lane)
+                    faces[lane] = lane < count ? task.face.data[pixel + lane] : None;
+                finish_eight(task, x, y, faces, u, v);
+                for (int lane = 0; lane < count; ++lane) {
+                    task.face.data[pixel + lane] = faces[lane];
+                    task.u.data[pixel + lane] = u[lane];
+                    task.v.data[pixel + lane] = v[lane];
+                }
+            }
+    }
+
+    RASTER_FN void finish_eight(const Task& task, int x, int y, int* faces, float* u, float* v)
+    {
+        Int8 face = *(const Int8*)(faces);
+        Int8 seen = face != (int)(None);
+        int hits = Wide::bits(__builtin_convertvector(seen, Long8));
+        Float8 first = Float8(0.0f), second = Float8(0.0f);
+        if (hits)
+            barycentrics(task, x, y, faces, hits, first, second);
+        *(Int8*)(faces) = seen ? face : Int8(-1);
+        *(Float8*)(u) = seen ? first : Float8(0.0f);
+        *(Float8*)(v) = seen ? second : Float8(0.0f);
+    }
+
+    // Of eight pixels from (x, y) on, where `hits` says so.
+    RASTER_FN void barycentrics(const Task& task, int x, int y, const int* faces, int hits, Float8& u, Float8& v)
+    {
+        Corners corners = {};
+        while (hits) {
+            int draw = Mesh::owner(task, faces[__builtin_ctz(hits)]);
+            Mesh mesh;
+            Mesh::make(mesh, task, draw);
+            int last = draw + 1 < task.first_face.shape[0] ? task.first_face.data[draw + 1] : 0x7fffffff;
+            int local[8], same = 0;
+            for (int lane = 0; lane < 8; ++lane) {
+                local[lane] = faces[lane] - mesh.first;
+                same |= (int)(faces[lane] >= mesh.first && faces[lane] < last) << lane;
+            }
+            same &= hits;
+            Corners::load(corners, mesh, local, same);
+            hits &= ~same;
+        }
+        double width = (double)(task.width), height = (double)(task.height);
+        Double8 a = 2.0 * (Wide::lanes() + (double)(x)) + (1.0 - width);
+        Double8 b = Double8(height - 2.0 * y - 1.0);
         Double8 dx[3], dy[3], e[3];
         for (int k = 0; k < 3; ++k) {
-            Double8 w = __builtin_convertvector(*(Float8*)(clip[3][k]), Double8);
-            dx[k] = Wide::fma(-a, w, __builtin_convertvector(*(Float8*)(clip[0][k]), Double8) * (double)(width));
-            dy[k] = Wide::fma(-b, w, __builtin_convertvector(*(Float8*)(clip[1][k]), Double8) * (double)(height));
+            Double8 w = Wide::exact(corners.w[k]);
+            dx[k] = Wide::fma(-a, w, Wide::exact(corners.x[k]) * width);
+            dy[k] = Wide::fma(-b, w, Wide::exact(corners.y[k]) * height);
         }
         for (int k = 0; k < 3; ++k) {
             int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -853,10 +1021,37 @@ struct Resolve {
         }
         Double8 total = e[0] + e[1] + e[2];
         Double8 scale = total != 0.0 ? 1.0 / total : Double8(0.0);
-        Double8 uu = Wide::smaller(Wide::larger(e[1] * scale, Double8(0.0)), Double8(1.0));
-        Double8 vv = Wide::smaller(Wide::larger(e[2] * scale, Double8(0.0)), 1.0 - uu);
-        u = __builtin_convertvector(uu, Float8);
-        v = __builtin_convertvector(vv, Float8);
+        Double8 first = Wide::smaller(Wide::larger(e[1] * scale, Double8(0.0)), Double8(1.0));
+        Double8 second = Wide::smaller(Wide::larger(e[2] * scale, Double8(0.0)), 1.0 - first);
+        u = __builtin_convertvector(first, Float8);
+        v = __builtin_convertvector(second, Float8);
+    }
+
+    RASTER_FN void run(const Task& task, int bin)
+    {
+        Bins bins;
+        Bins::make(bins, task);
+        Target target;
+        target.depth = task.depth.data;
+        target.face = task.face.data;
+        target.width = task.width;
+        target.height = task.height;
+        Tile tile;
+        make(tile, target, bins, bin, task.cull);
+        int bin_count = bins.columns * bins.rows, draw = -1;
+        Mesh mesh;
+        for (int chunk = 0; chunk < task.chunks.shape[0]; ++chunk) {
+            const int* starts = task.starts.data + (long long)(bin_count + 1) * chunk + bin;
+            int larges = task.large_counts.data[chunk];
+            if (starts[0] == starts[1] && larges == 0)
+                continue;
+            if (task.chunks.data[3 * chunk] != draw)
+                Mesh::make(mesh, task, draw = task.chunks.data[3 * chunk]);
+            const Entry* entries = (const Entry*)(task.entries.data) + (long long)(Binner::Room) * chunk;
+            draw_entries(tile, mesh, entries + starts[0], entries + starts[1]);
+            draw_larges(tile, mesh, (const Large*)(entries) + Binner::Entries, larges);
+        }
+        finish(tile, task);
     }
 };
 

@@ -11,6 +11,8 @@ Software Rasterization on GPUs", 2011, weigh both).
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +25,7 @@ from ..launch import launch
 #: Pixels along a side of the picture, at most: the error bounds of raster.h count on it.
 LARGEST_SIDE = 32768
 #: Triangles in a chunk, entries that it may leave in bins, and bins at most: `Binner` in raster.h.
-_CHUNK, _ROOM, _MOST_BINS = 2048, 8192, 1024
+_CHUNK, _ROOM, _MOST_BINS = 2048, 16384, 1024
 _SMALLEST_SHIFT = 6
 
 _CULL = {"none": 0, "back": -1, "front": 1}
@@ -60,8 +62,9 @@ class Draw:
 class RasterTask:
     """One picture. A face's number in the picture is `first_face` of its draw plus its index there.
 
-    `chunks` (C, 3) has draw, first face and number of faces; `starts` (C, bins + 1) where each bin begins among a
-    chunk's entries; `faults` a face with an index out of range, or -1.
+    `chunks` (C, 3) has draw, first face and number of faces. A chunk leaves `_ROOM` `entries`, sorted by bin; bin b
+    has those from `starts[b]` on, of (C, bins + 1); the last `_CHUNK` of them are its `large_counts` triangles that lie
+    over many bins. `faults` is a face with an index out of range, or -1.
     """
 
     draws: wp.array(dtype=Draw)
@@ -74,7 +77,6 @@ class RasterTask:
     shift: wp.int32
     entries: wp.array(dtype=wp.vec3i)
     starts: wp.array(dtype=wp.int32)
-    large: wp.array(dtype=wp.vec3i)
     large_counts: wp.array(dtype=wp.int32)
     faults: wp.array(dtype=wp.int32)
     face: wp.array2d(dtype=wp.int32)
@@ -83,107 +85,9 @@ class RasterTask:
     depth: wp.array2d(dtype=wp.float32)
 
 
-_TASK = """
-auto mesh_of = [&](int draw) {
-    auto& d = task.draws.data[draw];
-    Mesh m;
-    m.clip = (const float*)(d.clip.data);
-    m.points = (const float*)(d.points.data);
-    m.matrix = (const double*)(task.matrices.data + draw);
-    m.indices = d.indices.data;
-    m.vertices = m.points ? d.points.shape[0] : d.clip.shape[0];
-    m.first = task.first_face.data[draw];
-    return m;
-};
-Bins bins;
-bins.shift = task.shift;
-bins.width = task.width;
-bins.height = task.height;
-bins.columns = ((task.width - 1) >> task.shift) + 1;
-bins.rows = ((task.height - 1) >> task.shift) + 1;
-int bin_count = bins.columns * bins.rows;
-"""
-
-_BIN = """
-const int* range = task.chunks.data + 3 * chunk;
-Large* large = (Large*)(task.large.data) + (long long)(CHUNK) * chunk;
-Binner binner;
-Binner::make(binner, bins, mesh_of(range[0]), task.cull, large);
-for (int face = 0; face < range[2]; face += 8)
-    Binner::group(binner, range[1] + face, range[2] - face);
-Entry* entries = (Entry*)(task.entries.data) + (long long)(Binner::Room) * chunk;
-Binner::sort(binner, entries, task.starts.data + (long long)(bin_count + 1) * chunk);
-task.large_counts.data[chunk] = binner.larges;
-task.faults.data[chunk] = binner.fault;
-""".replace("CHUNK", str(_CHUNK))
-
-_FILL = """
-Target target;
-target.depth = task.depth.data;
-target.face = task.face.data;
-target.width = task.width;
-target.height = task.height;
-Tile tile;
-Tile::make(tile, target, bins, bin, task.cull);
-int draw = -1;
-Mesh mesh;
-for (int chunk = 0; chunk < task.chunks.shape[0]; ++chunk) {
-    const int* starts = task.starts.data + (long long)(bin_count + 1) * chunk + bin;
-    int larges = task.large_counts.data[chunk];
-    if (starts[0] == starts[1] && larges == 0)
-        continue;
-    if (task.chunks.data[3 * chunk] != draw)
-        mesh = mesh_of(draw = task.chunks.data[3 * chunk]);
-    const Entry* entries = (const Entry*)(task.entries.data) + (long long)(Binner::Room) * chunk;
-    Tile::draw_entries(tile, mesh, entries + starts[0], entries + starts[1]);
-    Tile::draw_larges(tile, mesh, (const Large*)(task.large.data) + (long long)(CHUNK) * chunk, larges);
-}
-int draws = task.first_face.shape[0], first = 0, last = -1;
-for (int y = tile.y0; y <= tile.y1; ++y)
-    for (int x = tile.x0; x <= tile.x1; x += 8) {
-        float clip[4][3][8] = {};
-        long long pixel = (long long)(y) * task.width + x;
-        int columns = tile.x1 - x + 1 < 8 ? tile.x1 - x + 1 : 8, seen = 0;
-        for (int lane = 0; lane < columns; ++lane) {
-            int face = target.face[pixel + lane];
-            if (face == 0x7fffffff)
-                continue;
-            ++seen;
-            if (face < first || face > last) {
-                int low = 0, high = draws - 1;
-                while (low < high) {
-                    int middle = (low + high + 1) / 2;
-                    if (task.first_face.data[middle] <= face)
-                        low = middle;
-                    else
-                        high = middle - 1;
-                }
-                mesh = mesh_of(low);
-                first = mesh.first;
-                last = low + 1 < draws ? task.first_face.data[low + 1] - 1 : 0x7ffffffe;
-            }
-            float corners[12];
-            Mesh::triangle(mesh, face - first, corners);
-            for (int k = 0; k < 3; ++k)
-                for (int c = 0; c < 4; ++c)
-                    clip[c][k][lane] = corners[4 * k + c];
-        }
-        Float8 u = {}, v = {};
-        if (seen)
-            Resolve::barycentrics(clip, task.width, task.height, x, y, u, v);
-        for (int lane = 0; lane < columns; ++lane) {
-            bool hit = target.face[pixel + lane] != 0x7fffffff;
-            target.face[pixel + lane] = hit ? target.face[pixel + lane] : -1;
-            task.u.data[pixel + lane] = hit ? u[lane] : 0.0f;
-            task.v.data[pixel + lane] = hit ? v[lane] : 0.0f;
-        }
-    }
-""".replace("CHUNK", str(_CHUNK))
-
-
 @cache
 def _bin_kernel() -> wp.Kernel:
-    @wp.func_native(_HEADER + _TASK + _BIN)
+    @wp.func_native(_HEADER + "Binner::run(task, chunk);")
     def bin_chunk(task: RasterTask, chunk: wp.int32): ...
 
     @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
@@ -195,7 +99,7 @@ def _bin_kernel() -> wp.Kernel:
 
 @cache
 def _fill_kernel() -> wp.Kernel:
-    @wp.func_native(_HEADER + _TASK + _FILL)
+    @wp.func_native(_HEADER + "Tile::run(task, bin);")
     def fill_bin(task: RasterTask, bin: wp.int32): ...
 
     @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
@@ -242,52 +146,97 @@ def rasterize(
     triangles = _indices(indices, device)
     draw = Draw()
     draw.clip, draw.indices = positions, triangles
-    task = _task([draw], [len(triangles) // 3], width, height, device)
+    task = draw_list([draw], [len(triangles) // 3], device)
     task.cull = _CULL[cull]
-    _run(task, device, threads)
-    faults = task.faults.numpy()
-    if (faults >= 0).any():
-        face = int(faults[faults >= 0].min())
-        corners = triangles.numpy()[3 * face : 3 * face + 3].tolist()
-        raise ValueError(f"triangle {face} has indices {corners}, outside 0…{len(positions) - 1}")
-    return Raster(task.face, task.u, task.v, task.depth)
+    seen = draw_picture(task, width, height, device, threads)
+    return seen
 
 
-def _run(task: RasterTask, device: wp.Device, threads: int | None) -> None:
-    launch(_bin_kernel(), task.chunks.shape[0], [task], device, threads, smallest_chunk=1)
-    bins = (((task.width - 1) >> task.shift) + 1) * (((task.height - 1) >> task.shift) + 1)
-    launch(_fill_kernel(), bins, [task], device, threads, smallest_chunk=1)
-
-
-def _task(draws: list[Draw], faces: list[int], width: int, height: int, device: wp.Device) -> RasterTask:
-    """The task for these draws with `faces` triangles each, with its buffers."""
-    task = RasterTask()
-    task.width, task.height = width, height
-    task.draws = wp.array(draws, dtype=Draw, device=device)
+def draw_list(draws: Sequence[Draw], faces: Sequence[int], device: wp.Device) -> RasterTask:
+    """A task for these draws, of so many triangles each; its matrices are zero until they are set."""
     first = np.concatenate([[0], np.cumsum(faces)]).astype(np.int64)
     if first[-1] >= 2**31 - 1:
-        raise ValueError(f"{first[-1]} triangles are more than fit one picture's face numbers")
-    task.first_face = wp.array(first[:-1].astype(np.int32), dtype=wp.int32, device=device)
+        raise ValueError(f"{first[-1]} triangles are more than one picture has face numbers for")
     chunks = _chunks(np.asarray(faces, np.int64))
-    task.chunks = wp.array(chunks, dtype=wp.int32, device=device) if len(chunks) else wp.empty((0, 3), wp.int32)
-    task.shift = _SMALLEST_SHIFT
-    while (((width - 1) >> task.shift) + 1) * (((height - 1) >> task.shift) + 1) > _MOST_BINS:
-        task.shift += 1
-    bins = (((width - 1) >> task.shift) + 1) * (((height - 1) >> task.shift) + 1)
-    count = len(chunks)
-    task.entries = wp.empty(count * _ROOM, wp.vec3i, device=device)
-    task.large = wp.empty(count * _CHUNK, wp.vec3i, device=device)
-    task.starts = wp.empty(count * (bins + 1), wp.int32, device=device)
-    task.large_counts = wp.empty(count, wp.int32, device=device)
-    task.faults = wp.empty(count, wp.int32, device=device)
+    task = RasterTask()
+    task.draws = wp.array(draws, dtype=Draw, device=device)
+    task.matrices = wp.zeros(len(draws), wp.mat44d, device=device)
+    task.first_face = wp.array(first[:-1].astype(np.int32), dtype=wp.int32, device=device)
+    task.chunks = wp.array(chunks.reshape(-1), dtype=wp.int32, device=device).reshape((-1, 3))
+    return task
+
+
+def draw_picture(
+    task: RasterTask, width: int, height: int, device: wp.Device, threads: int | None = None
+) -> Raster:
+    """Rasterize a draw list.
+
+    Raises:
+        ValueError: an index is out of range.
+        MemoryError: the picture does not fit the device's memory.
+    """
+    task.width, task.height = width, height
+    seen = _new_picture(width, height, device)
+    task.face, task.u, task.v, task.depth = seen
+    _draw_on_cpu(task, device, threads)
+    return seen
+
+
+def _new_picture(width: int, height: int, device: wp.Device) -> Raster:
+    # One block: the allocator keeps blocks of this size for the next picture, while four smaller ones go back to the
+    # system, and fresh pages cost more than the drawing.
     try:
-        task.face = wp.empty((height, width), wp.int32, device=device)
-        task.u = wp.empty((height, width), wp.float32, device=device)
-        task.v = wp.empty((height, width), wp.float32, device=device)
-        task.depth = wp.empty((height, width), wp.float32, device=device)
+        planes = wp.empty((4, height, width), wp.float32, device=device)
     except (RuntimeError, MemoryError) as error:
         raise MemoryError(f"a picture of {width}x{height} pixels does not fit the memory of {device}") from error
-    return task
+    return Raster(planes[0].view(wp.int32), planes[1], planes[2], planes[3])
+
+
+def _draw_on_cpu(task: RasterTask, device: wp.Device, threads: int | None) -> None:
+    chunks = task.chunks.shape[0]
+    task.shift = _SMALLEST_SHIFT
+    while _bins(task) > _MOST_BINS:
+        task.shift += 1
+    bins = _bins(task)
+    with _borrowed(chunks, chunks * (bins + 1)) as scratch:
+        task.entries, task.starts, task.large_counts, task.faults = scratch
+        launch(_bin_kernel(), chunks, [task], device, threads, smallest_chunk=1)
+        faults = task.faults.numpy()[:chunks]
+        if (faults >= 0).any():
+            _raise_fault(task, int(np.flatnonzero(faults >= 0)[0]))
+        launch(_fill_kernel(), bins, [task], device, threads, smallest_chunk=1)
+
+
+def _bins(task: RasterTask) -> int:
+    return (((task.width - 1) >> task.shift) + 1) * (((task.height - 1) >> task.shift) + 1)
+
+
+#: Scratch memory of pictures drawn before, for the next one: fresh pages cost more than the drawing.
+_idle: list[tuple[wp.array, ...]] = []
+
+
+@contextmanager
+def _borrowed(chunks: int, starts: int) -> Iterator[tuple[wp.array, ...]]:
+    """Entries, starts, large counts and faults for so many chunks."""
+    scratch = _idle.pop() if _idle else None
+    if scratch is None or scratch[0].shape[0] < chunks * _ROOM or scratch[1].shape[0] < starts:
+        scratch = (
+            wp.empty(chunks * _ROOM, wp.vec3i, device="cpu"),
+            wp.empty(starts, wp.int32, device="cpu"),
+            wp.empty(chunks, wp.int32, device="cpu"),
+            wp.empty(chunks, wp.int32, device="cpu"),
+        )
+    try:
+        yield scratch
+    finally:
+        if not _idle:
+            _idle.append(scratch)
+
+
+def _raise_fault(task: RasterTask, chunk: int) -> None:
+    face = int(task.faults.numpy()[chunk])
+    draw = task.draws.numpy()
+    raise ValueError(f"triangle {face} has an index out of range")
 
 
 def _chunks(faces: np.ndarray) -> np.ndarray:
