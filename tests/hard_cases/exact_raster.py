@@ -6,11 +6,7 @@ import numpy as np
 
 
 def determinant(a, b, c):
-    return (
-        a[0] * (b[1] * c[2] - b[2] * c[1])
-        - a[1] * (b[0] * c[2] - b[2] * c[0])
-        + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0])
 
 
 def homogeneous(vertex):
@@ -46,7 +42,7 @@ def weights(clip, column, row, width, height):
 
 
 def rasterize(clip, faces, width, height):
-    """face (H, W) int, depth and u, v (H, W) float64; depth ties as float32 go to the smaller face."""
+    """Face (H, W) int, depth and u, v (H, W) float64; depth ties as float32 go to the smaller face."""
     seen = np.full((height, width), -1)
     depth, u, v = np.ones((height, width)), np.zeros((height, width)), np.zeros((height, width))
     for row in range(height):

@@ -6,9 +6,10 @@
 //
 //   Expansion            sums and products of doubles without any rounding (Shewchuk 1997)
 //   Triangle             its exact predicates: orientation, edges, clipping planes; depth and barycentrics
+//   Mesh                 where triangles come from
+//   Keyed                one thread a triangle, one key a pixel (CUDA)
 //   Linear, Fill         edge functions and depth over a rectangle, eight pixels at once
-//   Mesh, Corners        where triangles come from
-//   Bins, Binner         triangles to bins by count, prefix sum and scatter, eight triangles at once
+//   Bins, Corners, Binner        triangles to bins by count, prefix sum and scatter, eight triangles at once
 //   Tile                 one bin of the picture: draws what is in it, then barycentrics
 //
 // A pixel centre is the homogeneous point (a, b, 1) of a frame in which vertex k is P_k = (width x_k, height y_k, w_k):
@@ -204,6 +205,30 @@ struct Triangle {
         return !t.clipped || (plane_sign(t, a, b, 1.0) >= 0 && plane_sign(t, a, b, -1.0) >= 0);
     }
 
+    // Narrows a rectangle of pixels to what the triangle may cover. X and Y are wrong by less than 2^-50 · 2^15.
+    RASTER_FN void bound(const Triangle& t, int& x0, int& y0, int& x1, int& y1)
+    {
+        if (!(t.w[0] > 0.0 && t.w[1] > 0.0 && t.w[2] > 0.0))
+            return;
+        double r[3] = { 1.0 / t.w[0], 1.0 / t.w[1], 1.0 / t.w[2] };
+        narrow(t.x, r, 0.5 * t.width, 0.5 * t.width - 0.5, x0, x1);
+        narrow(t.y, r, -0.5 * t.height, 0.5 * t.height - 0.5, y0, y1);
+    }
+    RASTER_FN void narrow(const double* v, const double* r, double scale, double middle, int& first, int& last)
+    {
+        double low = 1e300, high = -1e300;
+        for (int k = 0; k < 3; ++k) {
+            double p = ::fma(v[k] * scale, r[k], middle);
+            low = p < low ? p : low;
+            high = p > high ? p : high;
+        }
+        low = ::ceil(low - 0x1p-34), high = ::floor(high + 0x1p-34);
+        if (low > first)
+            first = low > last ? last + 1 : (int)(low);
+        if (high < last)
+            last = high < first ? first - 1 : (int)(high);
+    }
+
     // Edge functions at a covered centre, none of the wrong sign.
     RASTER_FN void weights(const Triangle& t, double a, double b, double* weight)
     {
@@ -222,7 +247,187 @@ struct Triangle {
         double z = weight[0] * t.z[0] + weight[1] * t.z[1] + weight[2] * t.z[2];
         double w = weight[0] * t.w[0] + weight[1] * t.w[1] + weight[2] * t.w[2];
         double depth = w > 0.0 ? z / w : 0.0;
-        return (float)(depth < -1.0 ? -1.0 : (depth > 1.0 ? 1.0 : depth));
+        return (float)(depth < -1.0 ? -1.0 : (depth > 1.0 ? 1.0 : depth)) + 0.0f;  // no -0, which is a smaller key
+    }
+};
+
+// Triangles of one draw: clip positions, or points and the matrix that takes them there.
+struct Mesh {
+    const float* clip;
+    const float* points;
+    const double* matrix;
+    const int* indices;
+    int vertices;
+    int first;  // number of its first face in the picture
+
+    RASTER_FN void make(Mesh& m, const Task& task, int draw)
+    {
+        auto& d = task.draws.data[draw];
+        m.clip = (const float*)(d.clip.data);
+        m.points = (const float*)(d.points.data);
+        m.matrix = (const double*)(task.matrices.data + draw);
+        m.indices = d.indices.data;
+        m.vertices = m.points ? d.points.shape[0] : d.clip.shape[0];
+        m.first = task.first_face.data[draw];
+    }
+
+    // The draw that a face of the picture belongs to.
+    RASTER_FN int owner(const Task& task, int face)
+    {
+        int low = 0, high = task.first_face.shape[0] - 1;
+        while (low < high) {
+            int middle = (low + high + 1) / 2;
+            if (task.first_face.data[middle] <= face)
+                low = middle;
+            else
+                high = middle - 1;
+        }
+        return low;
+    }
+
+    RASTER_FN bool in_range(const Mesh& m, int face)
+    {
+        const int* index = m.indices + 3 * (long long)(face);
+        unsigned count = (unsigned)(m.vertices);
+        return (unsigned)(index[0]) < count && (unsigned)(index[1]) < count && (unsigned)(index[2]) < count;
+    }
+
+    // Clip coordinates of a face's vertices: the operations of Corners::transform, so the same bits.
+    RASTER_FN void triangle(const Mesh& m, int face, float* clip)
+    {
+        for (int k = 0; k < 3; ++k) {
+            long long index = m.indices[3 * (long long)(face) + k];
+            for (int c = 0; c < 4; ++c)
+                clip[4 * k + c] = m.points ? coordinate(m.matrix + 4 * c, m.points + 3 * index) : m.clip[4 * index + c];
+        }
+    }
+    RASTER_FN float coordinate(const double* q, const float* p)
+    {
+        double sum = ::fma(q[2], (double)(p[2]), q[3]);
+        return (float)(::fma(q[0], (double)(p[0]), ::fma(q[1], (double)(p[1]), sum)));
+    }
+};
+
+// ---------------------------------------------------------------- one thread, one triangle: CUDA
+
+// The nearest fragment of a pixel is the smallest of 64-bit keys, depth above face.
+struct Keyed {
+    enum { LargeArea = 4096 };
+
+    RASTER_FN unsigned long long key(float depth, int face)
+    {
+        union {
+            float number;
+            unsigned bits;
+        } d;
+        d.number = depth;
+        unsigned ordered = d.bits >> 31 ? ~d.bits : d.bits | 0x80000000u;
+        return (unsigned long long)(ordered) << 32 | (unsigned)(face);
+    }
+    RASTER_FN float depth_of(unsigned long long key)
+    {
+        union {
+            float number;
+            unsigned bits;
+        } d;
+        unsigned ordered = (unsigned)(key >> 32);
+        d.bits = ordered >> 31 ? ordered & 0x7fffffffu : ~ordered;
+        return d.number;
+    }
+    RASTER_FN void nearest(unsigned long long* pixel, unsigned long long key)
+    {
+#ifdef __CUDA_ARCH__
+        atomicMin(pixel, key);
+#else
+        *pixel = key < *pixel ? key : *pixel;
+#endif
+    }
+    RASTER_FN int claim(int* counter)
+    {
+#ifdef __CUDA_ARCH__
+        return atomicAdd(counter, 1);
+#else
+        return (*counter)++;
+#endif
+    }
+
+    RASTER_FN bool make(Triangle& t, const Task& task, int face)
+    {
+        Mesh mesh;
+        Mesh::make(mesh, task, Mesh::owner(task, face));
+        if (!Mesh::in_range(mesh, face - mesh.first)) {
+            task.faults.data[0] = face;
+            return false;
+        }
+        float clip[12];
+        Mesh::triangle(mesh, face - mesh.first, clip);
+        Triangle::make(t, clip, task.width, task.height);
+        return t.orientation != 0 && t.orientation != task.cull;
+    }
+
+    RASTER_FN void fragment(const Triangle& t, const Task& task, int face, int x, int y)
+    {
+        double a = Triangle::column(task.width, x), b = Triangle::row(task.height, y);
+        if (Triangle::covers(t, a, b)) {
+            auto* keys = (unsigned long long*)(task.keys.data);
+            nearest(keys + (long long)(y) * task.width + x, key(Triangle::depth(t, a, b), face));
+        }
+    }
+
+    // A triangle of few pixels; others wait in `entries` for draw_large.
+    RASTER_FN void draw(const Task& task, int face)
+    {
+        Triangle t;
+        if (!make(t, task, face))
+            return;
+        int x0 = 0, y0 = 0, x1 = task.width - 1, y1 = task.height - 1;
+        Triangle::bound(t, x0, y0, x1, y1);
+        if (x0 > x1 || y0 > y1)
+            return;
+        if ((long long)(x1 - x0 + 1) * (y1 - y0 + 1) > LargeArea) {
+            auto& record = task.entries.data[claim(task.taken.data)];
+            record[0] = face;
+            record[1] = x0 | x1 << 16;
+            record[2] = y0 | y1 << 16;
+            return;
+        }
+        for (int y = y0; y <= y1; ++y)
+            for (int x = x0; x <= x1; ++x)
+                fragment(t, task, face, x, y);
+    }
+
+    // All large triangles at one pixel.
+    RASTER_FN void draw_large(const Task& task, int x, int y)
+    {
+        for (int i = 0; i < task.taken.data[0]; ++i) {
+            auto& record = task.entries.data[i];
+            if (x < (record[1] & 0xffff) || x > record[1] >> 16 || y < (record[2] & 0xffff) || y > record[2] >> 16)
+                continue;
+            Triangle t;
+            if (make(t, task, record[0]))
+                fragment(t, task, record[0], x, y);
+        }
+    }
+
+    RASTER_FN void finish(const Task& task, int x, int y)
+    {
+        long long pixel = (long long)(y) * task.width + x;
+        unsigned long long key = ((const unsigned long long*)(task.keys.data))[pixel];
+        task.face.data[pixel] = -1;
+        task.depth.data[pixel] = 1.0f;
+        task.u.data[pixel] = task.v.data[pixel] = 0.0f;
+        Triangle t;
+        int face = (int)(key & 0xffffffffu);
+        if (key == ~0ull || !make(t, task, face))
+            return;
+        double weight[3];
+        Triangle::weights(t, Triangle::column(task.width, x), Triangle::row(task.height, y), weight);
+        double total = weight[0] + weight[1] + weight[2];
+        double scale = total > 0.0 ? 1.0 / total : 0.0;
+        task.face.data[pixel] = face;
+        task.depth.data[pixel] = depth_of(key);
+        task.u.data[pixel] = (float)(weight[1] * scale);
+        task.v.data[pixel] = (float)(weight[2] * scale);
     }
 };
 
@@ -348,26 +553,12 @@ struct Fill {
 
     RASTER_FN void draw(const Fill& f, const Target& target)
     {
-        if (!(f.depth.error <= 0x1p-28))
-            return draw_carefully(f, target);
         int first = (f.x0 - f.left) & ~7, segments = (f.x1 - f.left) / 8 + 1, rows = f.y1 - f.y0 + 1;
         if (segments * rows > 24)
             return draw_blocks(f, target);
         for (int row = 0; row < rows; ++row)
             for (int column = first; column < 8 * segments; column += 8)
                 draw_segment(f, target, column, row, false);
-    }
-
-    // Needles whose depth as a linear function would be lost in rounding: each centre by itself.
-    RASTER_FN void draw_carefully(const Fill& f, const Target& target)
-    {
-        const Triangle& t = *f.triangle;
-        for (int y = f.y0; y <= f.y1; ++y)
-            for (int x = f.x0; x <= f.x1; ++x) {
-                double a = Triangle::column(target.width, x), b = Triangle::row(target.height, y);
-                if (Triangle::covers(t, a, b))
-                    Target::write(target, x, y, Triangle::depth(t, a, b), f.face);
-            }
     }
 
     // Blocks of 8×8 pixels, eight at a time: those beyond an edge are passed over, those within all three are not
@@ -418,29 +609,37 @@ struct Fill {
             if (!(covered | doubtful))
                 return;
         }
+        // A needle's depth as a linear function may be lost in rounding: then each centre has its own.
+        bool careful = !(f.depth.error <= 0x1p-28);
         Double8 z = Wide::fma(across, Double8(f.depth.a), Double8(::fma(down, f.depth.b, f.depth.c)));
         if (f.triangle->clipped) {
             Double8 past = __builtin_elementwise_abs(z) - 1.0;
-            doubtful = (doubtful | covered) & Wide::bits(past <= f.depth.error);
-            covered &= Wide::bits(past < -f.depth.error);
-            doubtful &= ~covered;
+            int within = careful ? 0 : Wide::bits(past < -f.depth.error);
+            doubtful = (doubtful | (covered & ~within)) & (careful ? 255 : Wide::bits(past <= f.depth.error));
+            covered &= within;
         }
         int x = f.left + column, y = f.y0 + row;
-        if (x + 8 > target.width)
-            doubtful &= 255 >> (x + 8 - target.width), covered &= 255 >> (x + 8 - target.width);
-        while (doubtful) {
+        int columns = x + 8 > target.width ? 255 >> (x + 8 - target.width) : 255;
+        doubtful &= columns;
+        covered &= columns;
+        double b = Triangle::row(target.height, y);
+        for (; doubtful; doubtful &= doubtful - 1) {
             int lane = __builtin_ctz(doubtful);
-            doubtful &= doubtful - 1;
-            double a = Triangle::column(target.width, x + lane), b = Triangle::row(target.height, y);
-            covered |= (int)(Triangle::covers(*f.triangle, a, b)) << lane;
+            covered |= (int)(Triangle::covers(*f.triangle, Triangle::column(target.width, x + lane), b)) << lane;
         }
-        if (covered)
-            blend(target, x, y, covered, __builtin_convertvector(z, Float8), f.face);
+        if (!covered)
+            return;
+        Float8 depth = __builtin_convertvector(z, Float8);
+        if (careful)
+            for (int lane = 0; lane < 8; ++lane)
+                if (covered >> lane & 1)
+                    depth[lane] = Triangle::depth(*f.triangle, Triangle::column(target.width, x + lane), b);
+        blend(target, x, y, covered, depth, f.face);
     }
 
     RASTER_FN void blend(const Target& target, int x, int y, int covered, Float8 z, int face)
     {
-        z = __builtin_elementwise_min(__builtin_elementwise_max(z, Float8(-1.0f)), Float8(1.0f));
+        z = __builtin_elementwise_min(__builtin_elementwise_max(z, Float8(-1.0f)), Float8(1.0f)) + 0.0f;  // no -0
         if (x + 8 > target.width) {
             for (int lane = 0; lane < 8; ++lane)
                 if (covered >> lane & 1)
@@ -493,64 +692,6 @@ struct Bins {
     }
 };
 
-// Triangles of one draw: clip positions, or points and the matrix that takes them there.
-struct Mesh {
-    const float* clip;
-    const float* points;
-    const double* matrix;
-    const int* indices;
-    int vertices;
-    int first;  // number of its first face in the picture
-
-    RASTER_FN void make(Mesh& m, const Task& task, int draw)
-    {
-        auto& d = task.draws.data[draw];
-        m.clip = (const float*)(d.clip.data);
-        m.points = (const float*)(d.points.data);
-        m.matrix = (const double*)(task.matrices.data + draw);
-        m.indices = d.indices.data;
-        m.vertices = m.points ? d.points.shape[0] : d.clip.shape[0];
-        m.first = task.first_face.data[draw];
-    }
-
-    // The draw that a face of the picture belongs to.
-    RASTER_FN int owner(const Task& task, int face)
-    {
-        int low = 0, high = task.first_face.shape[0] - 1;
-        while (low < high) {
-            int middle = (low + high + 1) / 2;
-            if (task.first_face.data[middle] <= face)
-                low = middle;
-            else
-                high = middle - 1;
-        }
-        return low;
-    }
-
-    // A point with w 1, or a clip position as it is.
-    RASTER_FN Float4 fetch(const Mesh& m, int index)
-    {
-        if (!m.points)
-            return *(const Float4*)(m.clip + 4 * (long long)(index));
-        const float* p = m.points + 3 * (long long)(index);
-        return Float4 { p[0], p[1], p[2], 1.0f };
-    }
-
-    // Clip coordinates of a face's vertices: the operations of Corners::transform, so the same bits.
-    RASTER_FN void triangle(const Mesh& m, int face, float* clip)
-    {
-        for (int k = 0; k < 3; ++k) {
-            Float4 p = fetch(m, m.indices[3 * (long long)(face) + k]);
-            for (int c = 0; c < 4; ++c) {
-                const double* q = m.matrix + 4 * c;
-                clip[4 * k + c] = m.points ? (float)(::fma(
-                                      q[0], (double)(p[0]), ::fma(q[1], (double)(p[1]), ::fma(q[2], (double)(p[2]), q[3]))))
-                                           : p[c];
-            }
-        }
-    }
-};
-
 // Clip coordinates of the vertices of eight triangles.
 struct Corners {
     Float8 x[3], y[3], z[3], w[3];
@@ -562,14 +703,13 @@ struct Corners {
         int faults = 0;
         for (int lane = 0; lane < 8; ++lane) {
             bool good = present >> lane & 1;
+            if (good && !Mesh::in_range(m, face[lane])) {
+                good = false;
+                faults |= 1 << lane;
+            }
             const int* index = m.indices + 3 * (long long)(good ? face[lane] : 0);
             for (int k = 0; k < 3; ++k)
-                if (good && (unsigned)(index[k]) >= (unsigned)(m.vertices)) {
-                    good = false;
-                    faults |= 1 << lane;
-                }
-            for (int k = 0; k < 3; ++k)
-                corner[k][lane] = good ? Mesh::fetch(m, index[k]) : Float4(0.0f);
+                corner[k][lane] = good ? fetch(m, index[k]) : Float4(0.0f);
         }
         Int8 chosen = Wide::mask(present);
         for (int k = 0; k < 3; ++k) {
@@ -582,6 +722,15 @@ struct Corners {
             c.w[k] = chosen ? loaded.w : c.w[k];
         }
         return faults;
+    }
+
+    // A point, or a clip position as it is.
+    RASTER_FN Float4 fetch(const Mesh& m, int index)
+    {
+        if (!m.points)
+            return *(const Float4*)(m.clip + 4 * (long long)(index));
+        const float* p = m.points + 3 * (long long)(index);
+        return Float4 { p[0], p[1], p[2], 1.0f };
     }
 
     struct Four {
@@ -672,7 +821,7 @@ struct Binner {
         int present = count < 8 ? (1 << count) - 1 : 255;
         int faults = Corners::load(corners, s.mesh, faces, present);
         if (faults) {
-            s.fault = face + __builtin_ctz(faults);
+            s.fault = s.mesh.first + face + __builtin_ctz(faults);
             present &= ~faults;
         }
         Double8 x[3], y[3], z[3], w[3];
@@ -796,7 +945,7 @@ struct Binner {
                 Double8 precise = Wide::fma(i, depth_a, Wide::fma(j, depth_b, depth));
                 precise = Wide::smaller(Wide::larger(precise, Double8(-1.0)), Double8(1.0));
                 float value[8];
-                *(Float8*)(value) = __builtin_convertvector(precise, Float8);
+                *(Float8*)(value) = __builtin_convertvector(precise, Float8) + 0.0f;  // no -0
                 while (possible) {
                     int lane = __builtin_ctz(possible);
                     possible &= possible - 1;
@@ -846,6 +995,14 @@ struct Binner {
         sort(s, entries, task.starts.data + (long long)(bin_count + 1) * chunk);
         task.large_counts.data[chunk] = s.larges;
         task.faults.data[chunk] = s.fault;
+    }
+
+    // Chunks one after the other, as long as there are any that no other thread has taken.
+    RASTER_FN void run_all(const Task& task)
+    {
+        int chunk;
+        while ((chunk = __atomic_fetch_add(task.taken.data, 1, __ATOMIC_RELAXED)) < task.chunks.shape[0])
+            run(task, chunk);
     }
 
     // Entries in the order of their bins; bin b has [starts[b], starts[b + 1]).
@@ -902,30 +1059,10 @@ struct Tile {
         if (t.orientation == 0 || t.orientation == tile.cull)
             return;
         int x0 = tile.x0, y0 = tile.y0, x1 = tile.x1, y1 = tile.y1;
-        bound(t, x0, x1, t.x, 0.5 * t.width);
-        bound(t, y0, y1, t.y, -0.5 * t.height);
+        Triangle::bound(t, x0, y0, x1, y1);
         Fill fill;
         if (x0 <= x1 && y0 <= y1 && Fill::make(fill, t, face, x0, y0, x1, y1))
             Fill::draw(fill, tile.target);
-    }
-
-    // Narrows an interval of pixels to the triangle's, as Binner::project does.
-    RASTER_FN void bound(const Triangle& t, int& first, int& last, const double* v, double scale)
-    {
-        if (!(t.w[0] > 0.0 && t.w[1] > 0.0 && t.w[2] > 0.0))
-            return;
-        double half = Triangle::magnitude(scale) - 0.5;
-        double low = 1e300, high = -1e300;
-        for (int k = 0; k < 3; ++k) {
-            double p = ::fma(v[k] * scale, 1.0 / t.w[k], half);
-            low = p < low ? p : low;
-            high = p > high ? p : high;
-        }
-        low = __builtin_ceil(low - 0x1p-34), high = __builtin_floor(high + 0x1p-34);
-        if (low > first)
-            first = low > last ? last + 1 : (int)(low);
-        if (high < last)
-            last = high < first ? first - 1 : (int)(high);
     }
 
     RASTER_FN void draw_entries(const Tile& tile, const Mesh& mesh, const Entry* entry, const Entry* end)
@@ -983,8 +1120,18 @@ struct Tile {
         if (hits)
             barycentrics(task, x, y, faces, hits, first, second);
         *(Int8*)(faces) = seen ? face : Int8(-1);
-        *(Float8*)(u) = seen ? first : Float8(0.0f);
-        *(Float8*)(v) = seen ? second : Float8(0.0f);
+        store(u, seen ? first : Float8(0.0f));
+        store(v, seen ? second : Float8(0.0f));
+    }
+
+    // Past the caches where the address allows: barycentrics are not read here again.
+    RASTER_FN void store(float* to, Float8 value)
+    {
+        typedef float Aligned __attribute__((ext_vector_type(8)));
+        if ((unsigned long long)(to) % sizeof(Aligned) == 0)
+            __builtin_nontemporal_store((Aligned)(value), (Aligned*)(to));
+        else
+            *(Float8*)(to) = value;
     }
 
     // Of eight pixels from (x, y) on, where `hits` says so.
@@ -1052,6 +1199,15 @@ struct Tile {
             draw_larges(tile, mesh, (const Large*)(entries) + Binner::Entries, larges);
         }
         finish(tile, task);
+    }
+
+    RASTER_FN void run_all(const Task& task)
+    {
+        Bins bins;
+        Bins::make(bins, task);
+        int bin;
+        while ((bin = __atomic_fetch_add(task.taken.data + 1, 1, __ATOMIC_RELAXED)) < bins.columns * bins.rows)
+            run(task, bin);
     }
 };
 

@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from ..launch import launch
+from ..launch import launch, thread_count
 
 #: Pixels along a side of the picture, at most: the error bounds of raster.h count on it.
-LARGEST_SIDE = 32768
+LARGEST_SIDE = 16384
 #: Triangles in a chunk, entries that it may leave in bins, and bins at most: `Binner` in raster.h.
 _CHUNK, _ROOM, _MOST_BINS = 2048, 16384, 1024
 _SMALLEST_SHIFT = 6
@@ -60,11 +60,12 @@ class Draw:
 
 @wp.struct
 class RasterTask:
-    """One picture. A face's number in the picture is `first_face` of its draw plus its index there.
+    """One picture of a `DrawList`.
 
     `chunks` (C, 3) has draw, first face and number of faces. A chunk leaves `_ROOM` `entries`, sorted by bin; bin b
     has those from `starts[b]` on, of (C, bins + 1); the last `_CHUNK` of them are its `large_counts` triangles that lie
-    over many bins. `faults` is a face with an index out of range, or -1.
+    over many bins. `faults` is a face with an index out of range, or -1. `taken` counts the chunks and the bins that
+    threads have taken. On CUDA `keys` (H W) has the nearest fragment, `entries` the large triangles, `taken` of them.
     """
 
     draws: wp.array(dtype=Draw)
@@ -79,6 +80,8 @@ class RasterTask:
     starts: wp.array(dtype=wp.int32)
     large_counts: wp.array(dtype=wp.int32)
     faults: wp.array(dtype=wp.int32)
+    taken: wp.array(dtype=wp.int32)
+    keys: wp.array(dtype=wp.uint64)
     face: wp.array2d(dtype=wp.int32)
     u: wp.array2d(dtype=wp.float32)
     v: wp.array2d(dtype=wp.float32)
@@ -87,26 +90,56 @@ class RasterTask:
 
 @cache
 def _bin_kernel() -> wp.Kernel:
-    @wp.func_native(_HEADER + "Binner::run(task, chunk);")
-    def bin_chunk(task: RasterTask, chunk: wp.int32): ...
+    @wp.func_native(_HEADER + "Binner::run_all(task);")
+    def bin_chunks(task: RasterTask): ...
 
     @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
     def bin_triangles(first: wp.int32, task: RasterTask):
-        bin_chunk(task, first + wp.tid())
+        bin_chunks(task)
 
     return bin_triangles
 
 
 @cache
 def _fill_kernel() -> wp.Kernel:
-    @wp.func_native(_HEADER + "Tile::run(task, bin);")
-    def fill_bin(task: RasterTask, bin: wp.int32): ...
+    @wp.func_native(_HEADER + "Tile::run_all(task);")
+    def fill_bins(task: RasterTask): ...
 
     @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
-    def fill_bins(first: wp.int32, task: RasterTask):
-        fill_bin(task, first + wp.tid())
+    def draw_bins(first: wp.int32, task: RasterTask):
+        fill_bins(task)
 
-    return fill_bins
+    return draw_bins
+
+
+@cache
+def _keyed_kernels() -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
+    """One thread a triangle, then one a pixel for the large ones, then one a pixel for what users see."""
+
+    @wp.func_native(_HEADER + "Keyed::draw(task, face);")
+    def draw_face(task: RasterTask, face: wp.int32): ...
+
+    @wp.func_native(_HEADER + "Keyed::draw_large(task, x, y);")
+    def draw_large_faces(task: RasterTask, x: wp.int32, y: wp.int32): ...
+
+    @wp.func_native(_HEADER + "Keyed::finish(task, x, y);")
+    def finish_pixel(task: RasterTask, x: wp.int32, y: wp.int32): ...
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def draw_faces(first: wp.int32, task: RasterTask):
+        draw_face(task, first + wp.tid())
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def draw_large(first: wp.int32, task: RasterTask):
+        pixel = first + wp.tid()
+        draw_large_faces(task, pixel % task.width, pixel // task.width)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def finish_pixels(first: wp.int32, task: RasterTask):
+        pixel = first + wp.tid()
+        finish_pixel(task, pixel % task.width, pixel // task.width)
+
+    return draw_faces, draw_large, finish_pixels
 
 
 def rasterize(
@@ -139,79 +172,124 @@ def rasterize(
         MemoryError: the picture does not fit the device's memory.
     """
     device = _device_of(clip_positions, indices, device)
-    _check_size(width, height)
-    if cull not in _CULL:
-        raise ValueError(f"cull {cull!r} is not one of none, back, front")
-    positions = _positions(clip_positions, device)
-    triangles = _indices(indices, device)
     draw = Draw()
-    draw.clip, draw.indices = positions, triangles
-    task = draw_list([draw], [len(triangles) // 3], device)
-    task.cull = _CULL[cull]
-    seen = draw_picture(task, width, height, device, threads)
-    return seen
+    draw.clip = _positions(clip_positions, device)
+    draw.indices = _indices(indices, device)
+    return DrawList([draw], device).rasterize(width, height, threads, cull)
 
 
-def draw_list(draws: Sequence[Draw], faces: Sequence[int], device: wp.Device) -> RasterTask:
-    """A task for these draws, of so many triangles each; its matrices are zero until they are set."""
-    first = np.concatenate([[0], np.cumsum(faces)]).astype(np.int64)
-    if first[-1] >= 2**31 - 1:
-        raise ValueError(f"{first[-1]} triangles are more than one picture has face numbers for")
-    chunks = _chunks(np.asarray(faces, np.int64))
-    task = RasterTask()
-    task.draws = wp.array(draws, dtype=Draw, device=device)
-    task.matrices = wp.zeros(len(draws), wp.mat44d, device=device)
-    task.first_face = wp.array(first[:-1].astype(np.int32), dtype=wp.int32, device=device)
-    task.chunks = wp.array(chunks.reshape(-1), dtype=wp.int32, device=device).reshape((-1, 3))
-    return task
+class DrawList:
+    """Triangles of one picture: what `rasterize` draws, from many arrays at once.
 
+    The number of a face in the picture is `first_face` of its draw plus its index there. Draws of points need
+    `matrices`; set them before each picture.
 
-def draw_picture(
-    task: RasterTask, width: int, height: int, device: wp.Device, threads: int | None = None
-) -> Raster:
-    """Rasterize a draw list.
-
-    Raises:
-        ValueError: an index is out of range.
-        MemoryError: the picture does not fit the device's memory.
+    Attributes:
+        first_face: (D,) int64 on the host.
+        matrices: (D,) `wp.mat44d` on the device, from points to clip space, for column vectors.
     """
-    task.width, task.height = width, height
-    seen = _new_picture(width, height, device)
-    task.face, task.u, task.v, task.depth = seen
-    _draw_on_cpu(task, device, threads)
-    return seen
+
+    def __init__(self, draws: Sequence[Draw], device: str | wp.Device) -> None:
+        """For these draws, whose arrays are on `device` and are read anew for each picture.
+
+        Raises:
+            ValueError: more triangles than int32 can number.
+        """
+        self.device = wp.get_device(device)
+        self._draws = list(draws)  # arrays of structs do not keep what they point to
+        faces = np.array([len(draw.indices) // 3 for draw in self._draws], np.int64)
+        if faces.sum() >= 2**31 - 1:
+            raise ValueError(f"{faces.sum()} triangles are more than one picture has face numbers for")
+        self.face_count = int(faces.sum())
+        self.first_face = np.cumsum(faces) - faces
+        self.matrices = wp.zeros(len(self._draws), wp.mat44d, device=self.device)
+        self._task = task = RasterTask()
+        task.matrices = self.matrices
+        task.draws = wp.array(self._draws, dtype=Draw, device=self.device)
+        task.first_face = wp.array(self.first_face, dtype=wp.int32, device=self.device)
+        task.chunks = wp.array(_chunks(faces), dtype=wp.int32, device=self.device)
+
+    def rasterize(self, width: int, height: int, threads: int | None = None, cull: str = "none") -> Raster:
+        """What each pixel centre sees; arguments and errors as of `rasterize`."""
+        for name, size in (("width", width), ("height", height)):
+            if size != int(size) or not 1 <= size <= LARGEST_SIDE:
+                raise ValueError(f"{name} must be 1…{LARGEST_SIDE} pixels, not {size}")
+        if cull not in _CULL:
+            raise ValueError(f"cull {cull!r} is not one of {', '.join(_CULL)}")
+        task = self._task
+        task.width, task.height, task.cull = int(width), int(height), _CULL[cull]
+        seen = _new_picture(task.width, task.height, self.device)
+        task.face, task.u, task.v, task.depth = seen
+        if self.device.is_cpu:
+            self._draw_in_bins(thread_count(threads))
+        else:
+            self._draw_by_keys()
+        return seen
+
+    def _draw_in_bins(self, threads: int) -> None:
+        task, chunks = self._task, self._task.chunks.shape[0]
+        task.shift = _SMALLEST_SHIFT
+        while _bins(task) > _MOST_BINS:
+            task.shift += 1
+        with _borrowed(chunks, chunks * (_bins(task) + 1)) as scratch:
+            task.entries, task.starts, task.large_counts, task.faults = scratch
+            task.taken = wp.zeros(2, wp.int32, device="cpu")
+            # An item is a thread at work: it takes chunks, then bins, until none is left.
+            launch(_bin_kernel(), min(threads, chunks), [task], "cpu", threads, smallest_chunk=1)
+            self._check_faults(task.faults.numpy()[:chunks])
+            launch(_fill_kernel(), min(threads, _bins(task)), [task], "cpu", threads, smallest_chunk=1)
+
+    def _draw_by_keys(self) -> None:
+        task, pixels = self._task, self._task.width * self._task.height
+        task.keys = wp.full(pixels, 2**64 - 1, wp.uint64, device=self.device)
+        task.entries = wp.empty(self.face_count, wp.vec3i, device=self.device)
+        task.taken = wp.zeros(1, wp.int32, device=self.device)
+        task.faults = wp.full(1, -1, wp.int32, device=self.device)
+        for kernel, count in zip(_keyed_kernels(), (self.face_count, pixels, pixels), strict=True):
+            launch(kernel, count, [task], self.device, threads=1)
+        self._check_faults(task.faults.numpy())
+
+    def _check_faults(self, faults: np.ndarray) -> None:
+        """Raise a ValueError for a face with an index out of range; -1 stands for none."""
+        if not (faults >= 0).any():
+            return
+        face = int(faults[faults >= 0].min())
+        draw = int(np.searchsorted(self.first_face, face, "right")) - 1
+        corners = self._draws[draw].indices.numpy().reshape(-1, 3)[face - self.first_face[draw]].tolist()
+        vertices = len(self._draws[draw].points if self._draws[draw].clip is None else self._draws[draw].clip)
+        raise ValueError(f"triangle {face} has the indices {corners}, but there are {vertices} vertices")
 
 
 def _new_picture(width: int, height: int, device: wp.Device) -> Raster:
-    # One block: the allocator keeps blocks of this size for the next picture, while four smaller ones go back to the
-    # system, and fresh pages cost more than the drawing.
+    # One block: the allocator keeps a block of this size for the next picture, while four smaller ones go back to the
+    # system, and the first touch of a page costs as much as drawing a hundred triangles.
+    needed, free = 16 * width * height, _free_memory(device)
+    complaint = f"a picture of {width}x{height} pixels needs {needed >> 20} MiB of {device}'s memory"
+    if needed > free:
+        raise MemoryError(f"{complaint}; {free >> 20} MiB are free")
     try:
         planes = wp.empty((4, height, width), wp.float32, device=device)
     except (RuntimeError, MemoryError) as error:
-        raise MemoryError(f"a picture of {width}x{height} pixels does not fit the memory of {device}") from error
+        raise MemoryError(complaint) from error
     return Raster(planes[0].view(wp.int32), planes[1], planes[2], planes[3])
 
 
-def _draw_on_cpu(task: RasterTask, device: wp.Device, threads: int | None) -> None:
-    chunks = task.chunks.shape[0]
-    task.shift = _SMALLEST_SHIFT
-    while _bins(task) > _MOST_BINS:
-        task.shift += 1
-    bins = _bins(task)
-    with _borrowed(chunks, chunks * (bins + 1)) as scratch:
-        task.entries, task.starts, task.large_counts, task.faults = scratch
-        launch(_bin_kernel(), chunks, [task], device, threads, smallest_chunk=1)
-        faults = task.faults.numpy()[:chunks]
-        if (faults >= 0).any():
-            _raise_fault(task, int(np.flatnonzero(faults >= 0)[0]))
-        launch(_fill_kernel(), bins, [task], device, threads, smallest_chunk=1)
+def _free_memory(device: wp.Device) -> int:
+    """Bytes; where the system does not say, more than there can be."""
+    if device.is_cuda:
+        return device.free_memory
+    try:
+        rows = Path("/proc/meminfo").read_text().splitlines()
+    except OSError:
+        return 2**63
+    return next((1024 * int(row.split()[1]) for row in rows if row.startswith("MemAvailable:")), 2**63)
 
 
 def _bins(task: RasterTask) -> int:
     return (((task.width - 1) >> task.shift) + 1) * (((task.height - 1) >> task.shift) + 1)
 
 
-#: Scratch memory of pictures drawn before, for the next one: fresh pages cost more than the drawing.
+#: Scratch memory of a picture drawn before, for the next one.
 _idle: list[tuple[wp.array, ...]] = []
 
 
@@ -219,7 +297,7 @@ _idle: list[tuple[wp.array, ...]] = []
 def _borrowed(chunks: int, starts: int) -> Iterator[tuple[wp.array, ...]]:
     """Entries, starts, large counts and faults for so many chunks."""
     scratch = _idle.pop() if _idle else None
-    if scratch is None or scratch[0].shape[0] < chunks * _ROOM or scratch[1].shape[0] < starts:
+    if scratch is None or len(scratch[2]) < chunks or len(scratch[1]) < starts:
         scratch = (
             wp.empty(chunks * _ROOM, wp.vec3i, device="cpu"),
             wp.empty(starts, wp.int32, device="cpu"),
@@ -233,31 +311,19 @@ def _borrowed(chunks: int, starts: int) -> Iterator[tuple[wp.array, ...]]:
             _idle.append(scratch)
 
 
-def _raise_fault(task: RasterTask, chunk: int) -> None:
-    face = int(task.faults.numpy()[chunk])
-    draw = task.draws.numpy()
-    raise ValueError(f"triangle {face} has an index out of range")
-
-
 def _chunks(faces: np.ndarray) -> np.ndarray:
     """(C, 3) int32: draw, first face in it, number of faces."""
     per_draw = -(-faces // _CHUNK)
     draw = np.repeat(np.arange(len(faces)), per_draw)
     nth = np.arange(len(draw)) - np.repeat(np.cumsum(per_draw) - per_draw, per_draw)
     first = nth * _CHUNK
-    return np.stack([draw, first, np.minimum(faces[draw] - first, _CHUNK)], 1).astype(np.int32)
+    return np.stack([draw, first, np.minimum(faces[draw] - first, _CHUNK)], 1).astype(np.int32).reshape(-1, 3)
 
 
 def _device_of(positions: np.ndarray | wp.array, indices: np.ndarray | wp.array, device: object) -> wp.Device:
     if device is None:
         device = next((a.device for a in (positions, indices) if isinstance(a, wp.array)), "cpu")
     return wp.get_device(device)
-
-
-def _check_size(width: int, height: int) -> None:
-    for name, size in (("width", width), ("height", height)):
-        if size != int(size) or not 1 <= size <= LARGEST_SIDE:
-            raise ValueError(f"{name} must be 1…{LARGEST_SIDE} pixels, not {size}")
 
 
 def _positions(positions: np.ndarray | wp.array, device: wp.Device) -> wp.array:
