@@ -109,6 +109,11 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path, name):
     assert "\n" not in str(problem.value)
 
 
+def test_layers_of_an_exr_can_be_written_as_a_picture(tmp_path):
+    images.write(tmp_path / "a.exr", {"color": gradient(4)})
+    images.write(tmp_path / "a.png", images.read(tmp_path / "a.exr")[0])
+
+
 def test_a_folder_is_no_destination(tmp_path):
     (tmp_path / "a.png").mkdir()
     with pytest.raises(ValueError, match="is a folder"):

@@ -5,6 +5,7 @@ import pytest
 from usd_stage import scene_of
 
 from warprender.framing import auto_camera, choose_camera, placement_bounds
+from warprender.renderer import Renderer
 from warprender.scene import SceneError
 
 CAMERAS = """def Camera "other" { float focalLength = 20
@@ -81,3 +82,34 @@ def test_bounds_of_the_placements_agree_with_the_stages():
 def test_a_broken_extent_leaves_the_bounds_to_the_placements():
     scene = scene_of('def Sphere "s" { float3[] extent = [(nan, 0, 0), (inf, 1, 1)] }')
     assert np.isfinite(auto_camera(scene).transform).all()
+
+
+def test_clipping_planes_cut_the_picture():
+    scene = scene_of(
+        """def Sphere "s" { double3 xformOp:translate = (0, 0, -5)
+            uniform token[] xformOpOrder = ["xformOp:translate"] }
+        def Camera "c" { float4[] clippingPlanes = [(1, 0, 0, 0), (0, 0, -1, -4.5)] }"""
+    )
+    prims = Renderer(scene, "c", (32, 32), outputs=("primId",)).render().numpy("primId")
+    assert (prims[:, :16] == -1).all(), "the half-space x < 0 is not seen"
+    assert (prims[:, 17:] == 0).any(), "and beyond 4.5 units the inside of the sphere is"
+
+
+def test_a_clipping_plane_that_is_not_finite_is_left_out():
+    scene = scene_of('def Camera "c" { float4[] clippingPlanes = [(nan, 0, 0, 1), (0, 1, 0, 0)] }')
+    assert scene.cameras["/c"].clippingPlanes == ((0, 1, 0, 0),)
+    assert any("/c" in warning for warning in scene.warnings)
+
+
+def test_velocities_do_not_carry_instances_back_to_the_earliest_time():
+    scene = scene_of("""def PointInstancer "p" { rel prototypes = </p/s>
+        int[] protoIndices = [0]
+        point3f[] positions.timeSamples = { 1: [(1, 2, 3)] }
+        vector3f[] velocities.timeSamples = { 1: [(24, 0, 0)] }
+        def Sphere "s" { } }""")
+    np.testing.assert_allclose(scene.placements["/p/s"].transforms[0, 3, :3], [1, 2, 3])
+
+
+def test_an_extent_without_size_leaves_the_bounds_to_the_placements():
+    scene = scene_of('def Sphere "s" { float3[] extent = [(0, 0, 0), (0, 0, 0)] }')
+    assert auto_camera(scene).transform[3, 2] > 2

@@ -159,6 +159,50 @@ def test_subsets_give_faces_their_materials():
     assert any("/m/part" in line for line in scene.warnings)
 
 
+def test_complexity_subdivides_and_keeps_faces_and_orientation():
+    body = SQUARE.replace('"none"', '"catmullClark"')
+    for orientation, sign in (("rightHanded", 1), ("leftHanded", -1)):
+        text = f'def Mesh "m" {{ {body} uniform token orientation = "{orientation}" }}'
+        mesh = scene_of(text, complexity="high").meshes["/m"]
+        assert len(mesh.triangles) == 2 * 4**2 and set(mesh.faces.tolist()) == {0}
+        assert (sign * facing(mesh) > 0).all() and (sign * mesh.normals.values[:, 2] > 0.99).all()
+
+
+def test_broken_faces_do_not_shape_a_subdivision_surface():
+    body = SQUARE.replace('"none"', '"catmullClark"')
+    spoilt = body.replace("[4]", "[4, 3, 2]").replace("[0, 1, 2, 3]", "[0, 1, 2, 99, 0, 1, 2, 0, 1]")
+    scene = scene_of(f'def Mesh "m" {{ {spoilt} }}', complexity=1.1)
+    assert set(scene.meshes["/m"].faces.tolist()) == {1} and len(scene.warnings) == 1
+
+
+def test_loop_on_quads_draws_the_cage_with_a_warning():
+    scene = scene_of('def Mesh "m" {' + SQUARE.replace('"none"', '"loop"') + "}", complexity=1.1)
+    assert len(scene.meshes["/m"].triangles) == 2
+    assert "triangles only" in scene.warnings[0]
+
+
+SURFACE = "int3[] surfaceFaceVertexIndices = [(0, 1, 3), (0, 2, 1), (0, 3, 2), (1, 2, 3)]"
+
+
+@pytest.mark.parametrize("surface", ["", SURFACE])
+def test_tetrahedra_show_their_surface_from_outside(surface):
+    scene = scene_of(
+        f"""def TetMesh "t" {{ point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)]
+            int4[] tetVertexIndices = [(0, 1, 2, 3)]
+            {surface} }}"""
+    )
+    a, b, c = np.moveaxis(scene.meshes["/t"].points[scene.meshes["/t"].triangles].astype(float), 1, 0)
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(1 / 6)
+
+
 def test_kinds_that_are_not_drawn_yet_are_named_once():
     prims = "\n".join(f'def Volume "v{k}" {{ }}' for k in range(9))
     assert scene_of(prims).warnings == ["/v0 and 8 more prims: Volume is not drawn yet"]
+
+
+def test_concave_quads_are_cut_along_the_diagonal_inside():
+    corners = [(0, 0, 0), (2, 0, 0), (0.5, 0.5, 0), (0, 2, 0)]
+    for turn in range(4):
+        points = corners[turn:] + corners[:turn]
+        mesh, _ = mesh_of(SQUARE.replace("[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]", str(points)))
+        assert area(mesh) == pytest.approx(1.0) and (facing(mesh) > 0).all()

@@ -56,13 +56,14 @@ def test_inactive_and_abstract_prims_are_not_drawn():
     assert list(scene.placements) == ["/d"]
 
 
-def test_time_none_is_the_start_time_code_if_authored():
+def test_time_none_is_the_start_time_code_if_authored_else_the_earliest():
     text = """def Sphere "s" { double radius = 9
         double radius.timeSamples = { 10: 1, 20: 3, } }"""
     start = "startTimeCode = 15"
     assert scene_of(text, start).placements["/s"].shape.radius == 2
     assert scene_of(text, start, time=20).placements["/s"].shape.radius == 3
-    assert scene_of(text).placements["/s"].shape.radius == 9
+    assert scene_of(text).placements["/s"].shape.radius == 1
+    assert scene_of(text, time=float("nan")).placements["/s"].shape.radius == 9
 
 
 def test_singular_and_infinite_transforms_are_skipped_with_one_warning_each():
@@ -76,6 +77,15 @@ def test_singular_and_infinite_transforms_are_skipped_with_one_warning_each():
     )
     assert list(scene.placements) == ["/odd", "/good"]
     assert [line.split(":")[0] for line in scene.warnings] == ["/odd", "/flat", "/lost"]
+
+
+def test_transforms_that_are_not_affine_are_named():
+    scene = scene_of(
+        """def Sphere "s" { matrix4d xformOp:transform = ((1, 0, 0, 0.5), (0, 1, 0, 0), (0, 0, 1, 0), (3, 0, 0, 2))
+            uniform token[] xformOpOrder = ["xformOp:transform"] }"""
+    )
+    assert scene.placements["/s"].transforms[0, :, 3].tolist() == [0, 0, 0, 1]
+    assert scene.warnings == ["/s: its transform is not affine; the last column is ignored"]
 
 
 NATIVE = """

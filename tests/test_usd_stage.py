@@ -58,3 +58,9 @@ def test_a_session_layer_wins(tmp_path):
 def test_shared_assets_load(name):
     scene = load(ASSETS / name)
     assert scene.placements or scene.warnings
+
+
+def test_a_missing_reference_is_one_short_warning(tmp_path):
+    (tmp_path / "a.usda").write_text('#usda 1.0\ndef Xform "x" ( references = @not_there.usda@ ) { }')
+    (warning,) = load(tmp_path / "a.usda").warnings
+    assert "/x" in warning and "not_there.usda" in warning and "instantiating" not in warning

@@ -27,16 +27,18 @@ class Camera:
 
     Attributes:
         projection: "perspective" or "orthographic".
-        focalLength: tenths of a scene unit, as are the apertures and their offsets.
+        focalLength: tenths of a scene unit, as are the apertures and their offsets; only their ratios matter for
+            what a perspective camera sees. Horizontal angle of view: 2 atan(horizontalAperture / 2 focalLength).
         horizontalAperture: width of the window at the focal length; an orthographic window itself.
-        verticalAperture: height of it.
+        verticalAperture: height of it. A picture of another shape widens one of the two (expandAperture).
         horizontalApertureOffset: shift of the window to the right.
         verticalApertureOffset: shift of the window upwards.
-        clippingRange: distances along -Z in scene units.
-        fStop: 0 is a pinhole.
-        focusDistance: in scene units.
+        clippingRange: (near, far) distances along -Z in scene units; what lies outside is not seen.
+        clippingPlanes: (a, b, c, d) in camera space; what has a x + b y + c z + d < 0 is not seen.
+        fStop: focal length over the lens's diameter, sets the depth of field; 0 is a pinhole.
+        focusDistance: distance along -Z that is sharp, in scene units; 0 is a pinhole.
         exposureScale: multiplies the picture (`UsdGeomCamera.ComputeLinearExposureScale`).
-        transform: (4, 4) float64 camera-to-world matrix for row vectors.
+        transform: (4, 4) float64 camera-to-world matrix for row vectors; its scale does not matter.
     """
 
     projection: str = "perspective"
@@ -46,24 +48,29 @@ class Camera:
     horizontalApertureOffset: float = 0.0
     verticalApertureOffset: float = 0.0
     clippingRange: tuple[float, float] = (1.0, 1.0e6)
+    clippingPlanes: tuple[tuple[float, float, float, float], ...] = ()
     fStop: float = 0.0
     focusDistance: float = 0.0
     exposureScale: float = 1.0
     transform: np.ndarray = field(default_factory=lambda: np.eye(4))
 
     def effects(self) -> tuple[str, ...]:
-        """What the camera calls for, by name: its projection, and "lens" for depth of field."""
+        """What the camera calls for, by name: its projection, "lens" for depth of field, "clippingPlanes"."""
         with_lens = self.projection == "perspective" and self.fStop > 0 and self.focusDistance > 0
-        return (self.projection, "lens") if with_lens else (self.projection,)
+        lens = ("lens",) if with_lens else ()
+        return (self.projection, *lens, *(("clippingPlanes",) if self.clippingPlanes else ()))
 
     def fault(self) -> str:
         """Why no picture can be taken with it, in a few words; "" for a good camera."""
         near, far = self.clippingRange
+        offsets = (self.horizontalApertureOffset, self.verticalApertureOffset)
         if self.projection not in ("perspective", "orthographic"):
             return f"projection {self.projection!r} is neither perspective nor orthographic"
         for name in ("focalLength", "horizontalAperture", "verticalAperture"):
             if not 0 < getattr(self, name) < np.inf:
                 return f"{name} is {getattr(self, name)}; this camera sees nothing"
+        if not np.isfinite(offsets).all():
+            return f"its aperture offsets {offsets} are not finite"
         if not (near < far) or (self.projection == "perspective" and near <= 0):
             return f"clippingRange ({near:g}, {far:g}) is empty or starts behind the camera"
         if not np.isfinite(self.transform).all() or np.linalg.matrix_rank(self.transform[:3, :3]) < 3:
@@ -110,6 +117,7 @@ class Camera:
         origin: np.ndarray,
         pixel_aspect: float = 1.0,
         policy: str = "expandAperture",
+        device: str = "cpu",
     ) -> CameraRecord:
         """The device's record, with positions relative to `origin` (3,) float64."""
         record = CameraRecord()
@@ -120,18 +128,36 @@ class Camera:
         record.near, record.far = self.clippingRange
         if "lens" in self.effects():
             record.lens_radius = 0.05 * self.focalLength / self.fStop
-        record.focus_distance = self.focusDistance
+        # Focused on infinity: finite, so that the vector to the focus is, too.
+        record.focus_distance = min(self.focusDistance, 1e30)
+        record.orthographic = int(self.projection == "orthographic")
         record.origin = wp.vec3(*origin)
+        record.planes = wp.array(self.clippingPlanes, dtype=wp.vec4, device=device) if self.clippingPlanes else None
         return record
+
+
+@wp.func
+def clip(seen: wp.vec2, plane: wp.vec4, origin: wp.vec3, towards: wp.vec3) -> wp.vec2:
+    """The part of the interval of a ray that lies on the plane's visible side; empty, an end before its start."""
+    normal = wp.vec3(plane[0], plane[1], plane[2])
+    height = wp.dot(normal, origin) + plane[3]
+    slope = wp.dot(normal, towards)
+    if slope > 0.0:
+        return wp.vec2(wp.max(seen[0], -height / slope), seen[1])
+    if slope < 0.0:
+        return wp.vec2(seen[0], wp.min(seen[1], -height / slope))
+    return wp.where(height < 0.0, wp.vec2(seen[0], -1.0), seen)
 
 
 @cache
 def camera_ray_function(effects: tuple[str, ...]) -> wp.Function:
     """`camera_ray(camera, x, y, u) -> Ray` for raster position (x, y) in pixels and lens sample u.
 
-    The ray starts on the near plane and ends on the far plane; its direction has unit length.
+    The ray starts on the near plane and ends on the far plane, or on the clipping planes where they are nearer; its
+    direction has unit length.
     """
-    orthographic, lens = "orthographic" in effects, "lens" in effects
+    orthographic, lens, planes = "orthographic" in effects, "lens" in effects, "clippingPlanes" in effects
+    only_orthographic = int("perspective" not in effects)
 
     @wp.func
     def camera_ray(camera: CameraRecord, x: float, y: float, u: wp.vec2) -> Ray:
@@ -141,19 +167,25 @@ def camera_ray_function(effects: tuple[str, ...]) -> wp.Function:
         origin = wp.vec3(0.0, 0.0, 0.0)
         towards = wp.vec3(px, py, -1.0)
         if wp.static(orthographic):
-            origin = wp.vec3(px, py, 0.0)
-            towards = wp.vec3(0.0, 0.0, -1.0)
+            if camera.orthographic + wp.static(only_orthographic) > 0:
+                origin = wp.vec3(px, py, 0.0)
+                towards = wp.vec3(0.0, 0.0, -1.0)
         if wp.static(lens):
-            place = unit_disk(u) * camera.lens_radius
-            origin = wp.vec3(place[0], place[1], 0.0)
-            towards = wp.vec3(px, py, -1.0) * camera.focus_distance - origin
+            if camera.lens_radius > 0.0:
+                place = unit_disk(u) * camera.lens_radius
+                origin = wp.vec3(place[0], place[1], 0.0)
+                towards = wp.vec3(px, py, -1.0) * camera.focus_distance - origin
         ray = Ray()
         # A unit step of the raw vector along -Z, so that the clipping planes are exact.
         towards = towards / -towards[2]
         length = wp.length(towards)
-        ray.origin = camera.position + camera.rotation * (origin + towards * camera.near)
+        seen = wp.vec2(camera.near, camera.far)
+        if wp.static(planes):
+            for i in range(camera.planes.shape[0]):
+                seen = clip(seen, camera.planes[i], origin, towards)
+        ray.origin = camera.position + camera.rotation * (origin + towards * seen[0])
         ray.direction = camera.rotation * (towards / length)
-        ray.t_max = (camera.far - camera.near) * length
+        ray.t_max = (seen[1] - seen[0]) * length
         return ray
 
     return camera_ray

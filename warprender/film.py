@@ -11,20 +11,22 @@ import numpy as np
 import warp as wp
 
 from .launch import launch
+from .sampling import REPLICATES
 
-#: Entries of the tables that turn uniform numbers into filter offsets.
-_TABLE = 256
+#: Straight pieces of the tables that turn uniform numbers into filter offsets; the tails of a Gaussian need many.
+_TABLE = 2048
 
 
 @wp.struct
 class FilmRecord:
-    """Per pixel (H, W): sums of radiance and alpha, of squared radiance, and counts.
+    """Per pixel (H, W): sums of radiance and alpha, of squared radiance, of each replicate's luminance, and counts.
 
     `rays` counts camera, bounce and shadow rays; `dropped` the samples that were not finite.
     """
 
     sums: wp.array2d(dtype=wp.vec4d)
     squares: wp.array2d(dtype=wp.vec3d)
+    replicates: wp.array2d(dtype=wp.vec4d)
     samples: wp.array2d(dtype=wp.int32)
     dropped: wp.array2d(dtype=wp.int32)
     rays: wp.array2d(dtype=wp.vec3i)
@@ -35,7 +37,7 @@ FILTERS = ("box", "triangle", "gaussian")
 
 
 def filter_table(name: str) -> np.ndarray:
-    """Inverse distribution of a reconstruction filter along one axis: (257,) float32 offsets in pixels.
+    """Inverse distribution of a reconstruction filter along one axis: (2049,) float32 offsets in pixels.
 
     "box" is one pixel wide, a sensor's own average; "triangle" and "gaussian" (σ = 0.5) reach 1 and 1.5 pixels.
     """
@@ -71,6 +73,7 @@ class Film:
         self.record = FilmRecord()
         self.record.sums = wp.zeros(shape, dtype=wp.vec4d, device=device)
         self.record.squares = wp.zeros(shape, dtype=wp.vec3d, device=device)
+        self.record.replicates = wp.zeros(shape, dtype=wp.vec4d, device=device)
         self.record.samples = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.dropped = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.rays = wp.zeros(shape, dtype=wp.vec3i, device=device)
@@ -78,10 +81,9 @@ class Film:
 
     def clear(self) -> None:
         """Forget all samples."""
-        for array in (self.record.sums, self.record.squares, self.record.samples):
+        film = self.record
+        for array in (film.sums, film.squares, film.replicates, film.samples, film.dropped, film.rays):
             array.zero_()
-        self.record.dropped.zero_()
-        self.record.rays.zero_()
 
     def color(self, exposure: float, threads: int | None = None) -> wp.array:
         """The picture so far: (H, W) vec4 float32, premultiplied linear Rec.709 and alpha."""
@@ -96,7 +98,10 @@ class Film:
         return picture
 
     def standard_error(self) -> np.ndarray:
-        """(H, W, 3) float64 standard error of each pixel's mean, before exposure; inf below two samples."""
+        """(H, W, 3) float64 standard error of each pixel's mean, before exposure; inf below two samples.
+
+        From the spread of single samples: an upper bound for Sobol points, whose errors cancel.
+        """
         n = self.record.samples.numpy().astype(np.float64)[..., None]
         sums, squares = self.record.sums.numpy()[..., :3], self.record.squares.numpy()
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -104,14 +109,19 @@ class Film:
             return np.where(n > 1, np.sqrt(variance / n), np.inf)
 
     def relative_error(self) -> float:
-        """Relative RMS standard error of the frame over lit pixels, those whose mean is above 1e-3."""
-        n = np.maximum(self.record.samples.numpy().astype(np.float64), 1.0)[..., None]
-        mean = (self.record.sums.numpy()[..., :3] / n).mean(-1)
-        error = np.sqrt((self.standard_error() ** 2).mean(-1))
-        lit = mean > 1e-3
-        if not lit.any():
-            return 0.0
-        return float(np.sqrt(np.mean((error[lit] / mean[lit]) ** 2)))
+        """Relative RMS standard error of the frame's luminance over lit pixels, those above 1e-3; inf below 4 samples.
+
+        From the spread of the replicates: three degrees of freedom a pixel, pooled over the frame.
+        """
+        n = self.record.samples.numpy().astype(np.float64)[..., None]
+        count = np.floor((n + REPLICATES - 1 - np.arange(REPLICATES)) / REPLICATES)
+        if (count < 1).any():
+            return np.inf
+        means = self.record.replicates.numpy() / count
+        mean = self.record.replicates.numpy().sum(-1, keepdims=True) / n
+        variance = (count / n * (means - mean) ** 2).sum(-1) / (REPLICATES - 1)
+        lit = mean[..., 0] > 1e-3
+        return float(np.sqrt(np.mean(variance[lit] / mean[lit, 0] ** 2))) if lit.any() else 0.0
 
     def ray_counts(self) -> dict[str, int]:
         """Rays traced so far, by kind."""

@@ -15,12 +15,17 @@ from . import images
 class Frame:
     """The outputs of one render; `frame.color`, `frame.cameraDepth`, … are its `wp.array`s.
 
-    The arrays are the renderer's own: no copy is made, and `__dlpack__` hands them on to other libraries.
+    The arrays stay on the device that rendered them. `torch.from_dlpack(frame.color)` and the like take them over
+    without a copy. In a notebook a frame shows its color.
 
     Attributes:
-        outputs: output name to `wp.array` (H, W) of float32, int32 or vectors; row 0 is the top row.
-        stats: what the render took: samples, seconds, rays, error, warnings; `interrupted` if stopped.
-        receipt: what rendering it again needs: plan, seed, samples, versions, stage hash, flags; JSON-able.
+        outputs: output name to `wp.array` (H, W), in the order that was asked for; row 0 is the top row. `color`
+            is vec4 float32: linear Rec.709, premultiplied by alpha. The others are float32, int32 or vec3, as
+            `warprender.outputs.OUTPUTS` says; a vector array becomes (H, W, C) in other libraries.
+        stats: what the render took: "seconds" by stage, "samples" a pixel, "interrupted", "plan", "warnings";
+            with color also "rays" by kind, "error" (relative RMS standard error of luminance; inf below 4
+            samples) and "dropped samples" (those that were not finite).
+        receipt: what rendering it again needs: plan, request, seed, samples, versions, stage hash; JSON-able.
     """
 
     def __init__(self, outputs: dict[str, wp.array], stats: dict | None = None, receipt: dict | None = None) -> None:
@@ -55,8 +60,8 @@ class Frame:
     def save(self, path: str | Path, color_correction: str = "sRGB", half: bool = False) -> None:
         """Write an image file with the receipt in its metadata.
 
-        EXR keeps every output as a layer; PNG, JPEG, TIFF and HDR keep `color`. See `warprender.images` for
-        how values are stored.
+        EXR (.exr) keeps every output as a layer; .png, .jpg, .jpeg, .tif, .tiff and .hdr keep `color` alone. See
+        `warprender.images` for how values are stored.
 
         Args:
             path: the file; the extension chooses the format.
@@ -84,6 +89,6 @@ class Frame:
 
     def __repr__(self) -> str:
         width, height = self.resolution
-        samples = f"; {self.stats['samples']} samples" if "samples" in self.stats else ""
+        samples = f"; {self.stats['samples']} samples" if self.stats.get("samples") else ""
         stopped = "; interrupted" if self.stats.get("interrupted") else ""
         return f"Frame({width}x{height}: {', '.join(self.outputs)}{samples}{stopped})"

@@ -10,6 +10,9 @@ from .camera import Camera
 from .scene import Placement, Scene, SceneError
 from .shapes import Mesh
 
+#: usdrecord's width of pictures.
+DEFAULT_WIDTH = 960
+
 #: Name of the camera that usdrecord takes when none is asked for.
 MAIN_CAMERA = "main_cam"
 
@@ -37,6 +40,16 @@ def choose_camera(scene: Scene, name: str | None = None) -> Camera:
     if fault := camera.fault():
         raise SceneError(f"{path}: {fault}")
     return camera
+
+
+def choose_resolution(scene: Scene, camera: Camera, width: int | None = None) -> tuple[int, int]:
+    """(width, height) in pixels: `width` by the camera's aspect, else the settings', else 960 wide."""
+    if width is None and scene.settings.resolution is not None:
+        return scene.settings.resolution
+    width = width or DEFAULT_WIDTH
+    # As usdrecord: the quotient in 32 bits (960 by 16:9 is 540, not 539), cut to whole pixels.
+    aspect = np.float32(camera.horizontalAperture / camera.verticalAperture)
+    return width, max(1, int(np.float32(width) / aspect))
 
 
 def auto_camera(scene: Scene) -> Camera:

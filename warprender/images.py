@@ -117,7 +117,7 @@ def display_bytes(rgba: np.ndarray, color_correction: str = "sRGB") -> np.ndarra
     values = np.clip(np.nan_to_num(np.asarray(rgba, np.float64), nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
     if color_correction == "sRGB":
         values[..., :3] = srgb_encode(values[..., :3])
-    return np.round(values * 255.0).astype(np.uint8)
+    return np.round(values * 255.0).astype(np.uint8, order="C")
 
 
 def write_exr(

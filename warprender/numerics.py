@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import warp as wp
 
+mat34 = wp.types.matrix(shape=(3, 4), dtype=wp.float32)
+
 PI = wp.constant(wp.float32(3.14159265358979323846))
 INV_PI = wp.constant(wp.float32(0.31830988618379067154))
 INFINITY = wp.constant(wp.float32(float("inf")))
@@ -80,23 +82,6 @@ def from_frame(tangent: wp.vec3, n: wp.vec3, v: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def abs_mul(m: wp.mat33, v: wp.vec3) -> wp.vec3:
-    """|M| |v|, element by element: how far errors in v reach through M."""
-    return wp.vec3(
-        wp.abs(m[0, 0] * v[0]) + wp.abs(m[0, 1] * v[1]) + wp.abs(m[0, 2] * v[2]),
-        wp.abs(m[1, 0] * v[0]) + wp.abs(m[1, 1] * v[1]) + wp.abs(m[1, 2] * v[2]),
-        wp.abs(m[2, 0] * v[0]) + wp.abs(m[2, 1] * v[1]) + wp.abs(m[2, 2] * v[2]),
-    )
-
-
-@wp.func
-def transformed_point_error(linear: wp.mat33, translation: wp.vec3, p: wp.vec3, error: wp.vec3) -> wp.vec3:
-    """Bound on the error of linear p + translation, p known to ± error (pbrt-v4 §6.8.3)."""
-    rounding = abs_mul(linear, p) + wp.abs(translation)
-    return abs_mul(linear, error) * (1.0 + GAMMA_3) + rounding * GAMMA_3
-
-
-@wp.func
 def next_float(x: float, direction: float) -> float:
     """The float32 next to x towards +infinity (direction > 0) or -infinity (direction < 0)."""
     if direction == 0.0 or not wp.isfinite(x):
@@ -112,17 +97,98 @@ def next_float(x: float, direction: float) -> float:
 
 
 @wp.func
-def offset_origin(p: wp.vec3, error: wp.vec3, n: wp.vec3, direction: wp.vec3) -> wp.vec3:
-    """Origin of a ray that leaves the surface at p ± error with normal n, on the side of `direction`.
+def next_up(x: wp.float32) -> wp.float32:
+    """The smallest float32 above a finite x."""
+    bits = wp.cast(x, wp.int32)
+    if x == 0.0:
+        bits = 1
+    elif x > 0.0:
+        bits += 1
+    else:
+        bits -= 1
+    return wp.cast(bits, wp.float32)
 
-    The box of the error bound is pushed wholly off the tangent plane and rounded away from it (pbrt-v4 §6.8.6).
+
+@wp.func
+def triangle_point(p0: wp.vec3, p1: wp.vec3, p2: wp.vec3, u: wp.float32, v: wp.float32):
+    """The point with weights u of p1 and v of p2, and its error bound (pbrt-v4 section 6.8.5).
+
+    About eight times closer to the plane than origin + t * direction.
     """
-    reach = wp.dot(wp.abs(n), error)
-    offset = n * reach
-    if wp.dot(direction, n) < 0.0:
-        offset = -offset
-    return wp.vec3(
-        next_float(p[0] + offset[0], offset[0]),
-        next_float(p[1] + offset[1], offset[1]),
-        next_float(p[2] + offset[2], offset[2]),
-    )
+    a = (1.0 - u - v) * p0
+    b = u * p1
+    c = v * p2
+    return a + b + c, (wp.abs(a) + wp.abs(b) + wp.abs(c)) * GAMMA_7
+
+
+@wp.func
+def sphere_point(radius: wp.float32, p: wp.vec3):
+    """A point near a sphere about the origin put back on it, and its error bound (pbrt-v4 section 6.8.5)."""
+    q = p * (radius / wp.length(p))
+    return q, wp.abs(q) * GAMMA_5
+
+
+@wp.func
+def place_point(to_world: mat34, to_object: mat34, p: wp.vec3, error: wp.vec3):
+    """A point of an instance in the world, and the bound within which rays meet its surface there.
+
+    Two transforms round: this one, which places the point (pbrt-v4 section 6.8.6), and the one that takes rays back
+    to object space, whose matrix is itself a rounded inverse.
+    """
+    q = wp.vec3()
+    bound = wp.vec3()
+    for i in range(3):
+        q[i] = to_world[i, 3]
+        bound[i] = wp.abs(to_world[i, 3]) * GAMMA_3
+        for j in range(3):
+            term = to_world[i, j] * p[j]
+            q[i] += term
+            bound[i] += wp.abs(term) * GAMMA_3 + wp.abs(to_world[i, j]) * error[j] * (1.0 + GAMMA_3)
+    for j in range(3):
+        back = wp.abs(to_object[j, 3])
+        for k in range(3):
+            back += wp.abs(to_object[j, k] * q[k])
+        for i in range(3):
+            bound[i] += wp.abs(to_world[i, j]) * back * GAMMA_5
+    return q, bound
+
+
+@wp.func
+def offset_origin(p: wp.vec3, error: wp.vec3, normal: wp.vec3, direction: wp.vec3) -> wp.vec3:
+    """A ray origin beside p on the side that direction leaves to, clear of p's error box (pbrt-v4 section 6.8.6).
+
+    Args:
+        p: The point.
+        error: Its error bound.
+        normal: The surface's geometric normal, unit, either side.
+        direction: Where the ray goes; only its side matters.
+    """
+    side = normal
+    if wp.dot(direction, normal) < 0.0:
+        side = -normal
+    q = p + side * wp.dot(wp.abs(normal), error)
+    for i in range(3):
+        # away even where the bound is zero: on a plane through the origin
+        if side[i] > 0.0:
+            q[i] = next_up(q[i])
+        elif side[i] < 0.0:
+            q[i] = -next_up(-q[i])
+    return q
+
+
+@wp.func
+def spawn_between(
+    p: wp.vec3,
+    p_error: wp.vec3,
+    p_normal: wp.vec3,
+    q: wp.vec3,
+    q_error: wp.vec3,
+    q_normal: wp.vec3,
+):
+    """Origin and direction of a shadow ray from p to q; with ``t_max`` 1 it meets neither's own surface.
+
+    Both ends are offset (pbrt-v4, ``SpawnRayTo``). A zero q_normal leaves the far end as it is, for point lights.
+    """
+    origin = offset_origin(p, p_error, p_normal, q - p)
+    end = offset_origin(q, q_error, q_normal, origin - q)
+    return origin, end - origin

@@ -103,7 +103,7 @@ def write_eye_position(buffers: OutputBuffers, seen: Seen):
 @wp.func
 def write_albedo(buffers: OutputBuffers, seen: Seen):
     """Diffuse colour plus reflectance at normal incidence."""
-    buffers.albedo[seen.y, seen.x] = seen.bsdf.diffuse + seen.bsdf.f0
+    buffers.albedo[seen.y, seen.x] = (seen.bsdf.diffuse + seen.bsdf.f0) * seen.bsdf.present
 
 
 @wp.func

@@ -12,10 +12,11 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from .camera import Camera
-from .lights import CameraLight, Light
-from .materials import MATERIALS
+from .lights import LIGHTS, CameraLight, DomeLight, Light
+from .materials import MATERIALS, DisplayColor
 from .outputs import OUTPUTS
 from .scene import Placement, Scene, SceneError
+from .shapes import SHAPES, Primvar
 
 TRANSPORTS = ("none", "path")
 VISIBILITIES = ("rays",)
@@ -115,7 +116,7 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     if transport == "auto":
         transport = "path" if "color" in request.outputs else "none"
     plan = RenderPlan(transport, "rays", None, None)
-    shapes = _effects(plan, "shape", {"Mesh", "Sphere"}, _shape_callers(scene), "a prim of this kind")
+    shapes = _effects(plan, "shape", {s.__name__ for s in SHAPES}, _shape_callers(scene), "a prim of this kind")
     materials = _effects(
         plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
     )
@@ -123,14 +124,16 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
+    planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
+    _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
     aovs = tuple(sorted(set(request.outputs) - {"color"}))
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
-        plan.outputs = OutputsKey(shapes, materials, effects[:1], aovs, bool(passing))
+        plan.outputs = OutputsKey(shapes, materials, tuple(e for e in effects if e != "lens"), aovs, bool(passing))
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
-        kinds = _effects(plan, "light", _light_kinds(), _light_callers(lights), "a light of this kind")
+        kinds = _effects(plan, "light", {k.__name__ for k in LIGHTS}, _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
         why = "lights that can be aimed at" if sampled else ""
         _note(plan, "shadow rays", why, "a light other than a dome")
@@ -139,12 +142,25 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     return plan
 
 
+def everything() -> PathKey:
+    """The key with every effect compiled in: another kernel, the same pictures."""
+    names = (tuple(sorted(kind.__name__ for kind in kinds)) for kinds in (SHAPES, MATERIALS, LIGHTS))
+    return PathKey(
+        *names, ("clippingPlanes", "lens", "orthographic", "perspective"), sampled_lights=True, straight_through=True
+    )
+
+
 def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
     """The lights that emit, by path, with the camera light last when it is on."""
-    lights = {path: light for path, light in scene.lights.items() if light.radiance().any()}
+    lights = {path: light for path, light in scene.lights.items() if _emits(light)}
     if camera_light:
         lights["camera light"] = CameraLight()
     return lights
+
+
+def _emits(light: Light) -> bool:
+    """Whether it has a radiance and a size; a dome's power is not counted."""
+    return light.radiance().any() and (isinstance(light, DomeLight) or light.power(1.0) != 0)
 
 
 def check_outputs(names: tuple[str, ...]) -> None:
@@ -155,9 +171,13 @@ def check_outputs(names: tuple[str, ...]) -> None:
 
 
 def _check(request: Request) -> None:
+    if not request.outputs:
+        raise SceneError("outputs: none is asked for")
     check_outputs(request.outputs)
     if request.transport not in (*TRANSPORTS, "auto"):
         raise SceneError(f"transport {request.transport!r} is not one of auto, {', '.join(TRANSPORTS)}")
+    if request.transport == "none" and "color" in request.outputs:
+        raise SceneError("transport 'none' gives no color: ask for other outputs alone, or for transport 'path'")
     if request.visibility not in (*VISIBILITIES, "auto"):
         raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
     if request.bounces is not None and request.bounces < 0:
@@ -202,17 +222,16 @@ def _material_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
-def _light_kinds() -> set[str]:
-    from .lights import LIGHTS
-
-    return {kind.__name__ for kind in LIGHTS}
-
-
 def _light_callers(lights: dict[str, Light]) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, light in lights.items():
         _first(callers, type(light).__name__, path)
     return callers
+
+
+def _primvar(scene: Scene, placement: Placement, key: str, name: str) -> Primvar | None:
+    """A primvar of a placement's shape, if its material `key` is of the kind that reads it."""
+    return placement.shape.primvars.get(name) if isinstance(scene.materials[key], DisplayColor) else None
 
 
 def _straight_through(scene: Scene) -> str:
@@ -221,8 +240,8 @@ def _straight_through(scene: Scene) -> str:
         for key in materials_of(placement):
             if scene.materials[key].passes_light():
                 return path
-            opacity = placement.shape.primvars.get("displayOpacity") if key == "" else None
-            if opacity is not None and (opacity.values < 1.0).any():
+            opacity = _primvar(scene, placement, key, "displayOpacity")
+            if opacity is not None and not (opacity.values >= 1.0).all():
                 return path
     return ""
 
@@ -232,7 +251,7 @@ def _largest_albedo(scene: Scene) -> float:
     for placement in scene.placements.values():
         for key in materials_of(placement):
             albedo = max(albedo, scene.materials[key].largest_albedo())
-            colors = placement.shape.primvars.get("displayColor") if key == "" else None
+            colors = _primvar(scene, placement, key, "displayColor")
             if colors is not None and len(colors.values):
                 albedo = max(albedo, float(np.nanmax(colors.values)))
     return min(albedo, 1.0)

@@ -7,6 +7,11 @@ from __future__ import annotations
 
 import warp as wp
 
+from .numerics import mat34
+
+#: Kinds of `Geometry`.
+MESH, SPHERE = 0, 1
+
 #: Number of inputs that a material row has room for.
 MATERIAL_INPUTS = 16
 
@@ -53,7 +58,10 @@ class Surface:
 
 @wp.struct
 class Bsdf:
-    """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills."""
+    """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
+
+    `present` scales all that the surface does to light but let it through.
+    """
 
     kind: wp.int32
     emission: wp.vec3
@@ -64,6 +72,7 @@ class Bsdf:
     coat: wp.float32
     coat_f0: wp.float32
     coat_alpha: wp.float32
+    present: wp.float32
     pass_through: wp.float32
 
 
@@ -80,7 +89,7 @@ class BsdfValue:
 class BsdfSample:
     """A sampled direction in the shading frame and f · |cos θ| / pdf; pdf 0 marks a delta lobe.
 
-    `event` is one of the EVENT constants.
+    `event` is one of the EVENT constants; `stay` is the probability that it is not EVENT_PASS.
     """
 
     direction: wp.vec3
@@ -88,6 +97,7 @@ class BsdfSample:
     specular: wp.vec3
     pdf: wp.float32
     event: wp.int32
+    stay: wp.float32
 
 
 EVENT_ABSORB = wp.constant(wp.int32(0))
@@ -108,6 +118,40 @@ class LightSample:
     radiance: wp.vec3
     pdf: wp.float32
     delta: wp.int32
+
+
+@wp.struct
+class Geometry:
+    """A shape in its own space: the triangles of a tree, or a sphere about the origin."""
+
+    kind: wp.int32  # MESH or SPHERE
+    radius: wp.float32
+    mesh: wp.uint64  # wp.Mesh, walked on CUDA; 0: no faces
+    nodes: wp.uint64  # wide nodes and blocks of triangles, walked on the CPU; 0: no faces
+    blocks: wp.uint64
+
+
+@wp.struct
+class Instance:
+    """One geometry, placed in the world."""
+
+    to_object: mat34
+    to_world: mat34
+    geometry: wp.int32
+    placed: wp.int32  # 0 where to_object is the identity
+
+
+@wp.struct
+class World:
+    """All instances and the tree over their boxes: what ``scene_closest`` and ``scene_occluded`` walk."""
+
+    geometries: wp.array(dtype=Geometry)
+    instances: wp.array(dtype=Instance)
+    count: wp.int32
+    tree: wp.uint64  # wp.Bvh over the instances' boxes, walked on CUDA
+    nodes: wp.uint64  # the same made wide, and its leaves' items, walked on the CPU
+    items: wp.uint64
+    pad: wp.float32  # growth of those boxes per unit of the ray origin's largest component
 
 
 @wp.struct
@@ -155,7 +199,6 @@ class GeometryRecord:
     """A shape in object space, stored once. `kind` indexes SHAPES; `mesh` is a `wp.Mesh` id."""
 
     kind: wp.int32
-    mesh: wp.uint64
     points: wp.array(dtype=wp.vec3)
     indices: wp.array(dtype=wp.int32)
     faces: wp.array(dtype=wp.int32)
@@ -186,7 +229,7 @@ class DeviceScene:
 
     instances: wp.array(dtype=InstanceRecord)
     geometries: wp.array(dtype=GeometryRecord)
-    tree: wp.uint64
+    world: World
     materials: wp.array(dtype=MaterialRecord)
     albedo: wp.array2d(dtype=wp.vec3)
     primvars: wp.array(dtype=PrimvarRecord)
@@ -202,7 +245,8 @@ class DeviceScene:
 class CameraRecord:
     """A camera: `rotation` has right, up and backward as columns; the window is at distance 1 (or in scene units).
 
-    `window` is left, bottom, right, top. `near` and `far` are along -Z.
+    `window` is left, bottom, right, top. `near` and `far` are along -Z. `lens_radius` 0 is a pinhole. `planes`
+    (a, b, c, d) are in camera space; where a x + b y + c z + d < 0 nothing is seen.
     """
 
     position: wp.vec3
@@ -214,4 +258,6 @@ class CameraRecord:
     far: wp.float32
     lens_radius: wp.float32
     focus_distance: wp.float32
+    orthographic: wp.int32
     origin: wp.vec3
+    planes: wp.array(dtype=wp.vec4)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+import numpy as np
 import warp as wp
 
 from .camera import Camera
 from .film import Film
 from .frame import Frame
-from .framing import choose_camera
+from .framing import choose_camera, choose_resolution
 from .integrators.none import launch_outputs
 from .integrators.path import PathRequest, launch_path
 from .launch import thread_count
@@ -23,6 +24,9 @@ from .upload import Upload, camera_light_at
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
 DEFAULT_SAMPLES = 64
+#: The frame's error is trusted from this many samples a pixel on.
+FEWEST_FOR_ERROR = 16
+SAMPLERS = ("sobol", "independent")
 #: A pass is short enough to report progress and to stop in time.
 _PASS_SECONDS = 0.25
 
@@ -32,23 +36,34 @@ Progress = Callable[[float, Callable[[], Frame]], None]
 class Renderer:
     """Renders one scene from one camera.
 
+    The scene is uploaded once, here: what changes in it later is not seen.
+
     Args:
         scene: what to draw.
-        camera: a `Camera`, a camera's prim path or name, or None for usdrecord's choice.
+        camera: a `Camera`, a camera's prim path or name, or None for usdrecord's choice: the render settings'
+            camera, else one named main_cam, else one that frames everything.
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
-        outputs: "color" and AOV names of `outputs.OUTPUTS`.
+        outputs: a name, or several: "color" and the AOVs of `warprender.outputs.OUTPUTS`.
         visibility: "auto" or "rays".
-        transport: "auto", "none" or "path".
-        device: "cpu" or a CUDA device.
+        transport: "path" (path tracing), "none" (no color, AOVs alone), or "auto": "none" without color.
+        device: Warp device, as "cpu" or "cuda:0".
         threads: CPU threads, None for all cores. The picture does not depend on it.
-        bounces: reflections followed after the one at the camera's hit, None for as many as matter.
+        bounces: reflections followed after the one at the camera's hit, None for as many as matter; 0 is
+            emission and direct light.
         camera_light: "auto" adds a light at the camera when the scene has no light; "on", "off".
-        dome_light_visible: whether the camera sees the domes.
-        lights_visible: whether the camera sees all lights.
-        filter: reconstruction filter, "box", "triangle" or "gaussian".
+        dome_light_visible: whether the camera sees the domes; where it sees nothing, alpha is 0.
+        lights_visible: whether the camera sees all lights, domes among them.
+        filter: reconstruction filter: "box" (one pixel wide), "triangle" (2) or "gaussian" (3).
+        sampler: "sobol" (scrambled points, well spread over a pixel's samples) or "independent" numbers.
+
+    Attributes:
+        plan: the `RenderPlan`: which effects occur, and which prim called for each.
+        camera: the `Camera` that was chosen.
+        resolution: (width, height) in pixels.
 
     Raises:
         SceneError: the request cannot be met; the message names the prim or the argument.
+        ValueError: there is no such device, filter or number of threads.
     """
 
     def __init__(
@@ -56,7 +71,7 @@ class Renderer:
         scene: Scene,
         camera: Camera | str | None = None,
         resolution: tuple[int, int] | None = None,
-        outputs: Sequence[str] = ("color",),
+        outputs: str | Sequence[str] = ("color",),
         visibility: str = "auto",
         transport: str = "auto",
         device: str = "cpu",
@@ -66,6 +81,7 @@ class Renderer:
         dome_light_visible: bool = False,
         lights_visible: bool = False,
         filter: str = "box",
+        sampler: str = "sobol",
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -73,10 +89,11 @@ class Renderer:
         self.camera = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
         if fault := self.camera.fault():
             raise SceneError(f"camera: {fault}")
-        self.resolution = resolution or default_resolution(scene, self.camera)
+        self.resolution = resolution or choose_resolution(scene, self.camera)
         if min(self.resolution) < 1:
             raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
-        self.request = Request(tuple(outputs), visibility, transport, bounces, dome_light_visible, lights_visible)
+        outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        self.request = Request(outputs, visibility, transport, bounces, dome_light_visible, lights_visible)
         with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = analyse(scene, self.camera, self.request, with_camera_light)
 
@@ -86,13 +103,19 @@ class Renderer:
         self._upload = Upload(scene, lights, self.camera.transform[3, :3], device)
         for warning in self._upload.warnings:
             scene.warn(warning)
+        if not (scene.placements or dome_light_visible or lights_visible):
+            scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
         settings = scene.settings
         self._camera_record = self.camera.record(
             *self.resolution,
             self._upload.origin,
             settings.pixelAspectRatio,
             settings.aspectRatioConformPolicy,
+            device,
         )
+        if sampler not in SAMPLERS:
+            raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
+        self._sobol = sampler == "sobol"
         self._film = Film(*self.resolution, device, filter)
         self._seconds = {"prepare": time.perf_counter() - start}
 
@@ -106,12 +129,19 @@ class Renderer:
     ) -> Frame:
         """Render a frame; it stops at whichever of the three limits comes first.
 
+        The first call compiles the kernels that the plan names, unless Warp's kernel cache has them.
+
         Args:
             samples: a pixel; 64 when no limit is given.
-            error: relative RMS standard error of the frame over lit pixels.
-            seconds: wall-clock time for colour samples; at least one sample is taken.
-            seed: another seed gives an independent picture.
-            progress: called with the share done and a function that returns the frame so far.
+            error: relative RMS standard error of the frame over lit pixels (mean above 1e-3), as 0.01.
+            seconds: wall-clock time for colour samples; at least one sample is taken, compiling counts.
+            seed: another seed gives an independent picture; the same one gives the same bits on one machine.
+            progress: called between passes with the share done, 0 to 1, and a function that returns the frame
+                so far.
+
+        Returns:
+            The frame, with arrays of its own: a later call does not overwrite them. After Ctrl-C, what was
+            finished, and `stats["interrupted"]` is True.
 
         Raises:
             SceneError: a limit is not above 0.
@@ -126,6 +156,10 @@ class Renderer:
             taken, interrupted = self._sample(samples, error, seconds, seed, progress, values)
             self._seconds["sample"] = time.perf_counter() - start
         return self._frame(values, taken, seed, interrupted)
+
+    def standard_error(self) -> np.ndarray:
+        """(H, W, 3) float64 standard error of the last frame's colour; inf where a pixel has under two samples."""
+        return self._film.standard_error() * self.camera.exposureScale
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
@@ -161,8 +195,7 @@ class Renderer:
                 elapsed = time.perf_counter() - start
                 if seconds is not None and elapsed >= seconds:
                     break
-                # Two numbers say nothing of a spread: the error is trusted from 16 samples on.
-                if error is not None and taken >= 16 and self._film.relative_error() <= error:
+                if error is not None and taken >= FEWEST_FOR_ERROR and self._film.relative_error() <= error:
                     break
                 per_sample = elapsed / taken
                 horizon = _PASS_SECONDS if seconds is None else min(_PASS_SECONDS, seconds - elapsed)
@@ -177,6 +210,7 @@ class Renderer:
     def _path_request(self, seed: int) -> PathRequest:
         request = PathRequest()
         request.seed = seed & 0xFFFFFFFF
+        request.sobol = int(self._sobol)
         request.bounces = int(self.plan.bounds["bounces"])
         request.lights_visible = int(self.request.lights_visible)
         request.dome_light_visible = int(self.request.dome_light_visible or self.request.lights_visible)
@@ -209,9 +243,13 @@ def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int
 
     Args:
         scene: what to draw.
-        resolution: (width, height) in pixels.
-        samples: a pixel.
+        resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
+        samples: a pixel; 64 when neither `samples`, `error` nor `seconds` is given.
         **options: any other argument of `Renderer` or of `Renderer.render`.
+
+    Raises:
+        SceneError: the request cannot be met; the message names the prim or the argument.
+        ValueError: there is no such device, filter or number of threads.
     """
     of_render = {k: options.pop(k) for k in ("error", "seconds", "seed", "progress") if k in options}
     return Renderer(scene, resolution=resolution, **options).render(samples=samples, **of_render)
@@ -222,13 +260,6 @@ def use_camera_light(scene: Scene, mode: str) -> bool:
     if mode not in ("auto", "on", "off"):
         raise SceneError(f"camera light {mode!r} is not one of auto, on, off")
     return mode == "on" or (mode == "auto" and not scene.lights)
-
-
-def default_resolution(scene: Scene, camera: Camera) -> tuple[int, int]:
-    """The render settings' resolution, or usdrecord's 960 pixels by the camera's aspect."""
-    if scene.settings.resolution is not None:
-        return scene.settings.resolution
-    return 960, max(1, round(960 * camera.verticalAperture / camera.horizontalAperture))
 
 
 def _check_limits(samples: int | None, error: float | None, seconds: float | None) -> None:

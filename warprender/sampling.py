@@ -20,7 +20,10 @@ DIMENSION_LIGHT = wp.constant(wp.int32(2))
 DIMENSION_LIGHT_CHOICE = wp.constant(wp.int32(3))
 
 _DIMENSIONS_PER_BOUNCE = wp.constant(wp.int32(4))
-_ONE_MINUS_EPSILON = wp.constant(wp.float32(1.0 - 2.0**-24))
+_GOLDEN = wp.constant(wp.uint64(0x9E3779B97F4A7C15))
+
+#: Independent sequences that a pixel's Sobol points come from.
+REPLICATES = wp.constant(4)
 
 
 @wp.func
@@ -31,22 +34,94 @@ def mix_bits(x: wp.uint64) -> wp.uint64:
     return x ^ (x >> wp.uint64(31))
 
 
-@wp.func
-def sample_key(seed: wp.uint32, pixel: wp.int32, sample: wp.int32) -> wp.uint64:
-    """Key of one sample of one pixel; distinct (pixel, sample) never share a key under one seed."""
-    word = (wp.uint64(wp.uint32(pixel)) << wp.uint64(32)) | wp.uint64(wp.uint32(sample))
-    return mix_bits(mix_bits(word) + wp.uint64(seed) * wp.uint64(0x9E3779B97F4A7C15))
+@wp.struct
+class SampleStream:
+    """The numbers of one sample of one pixel: a key, and for Sobol points the index in the pixel's sequence."""
+
+    key: wp.uint64
+    index: wp.uint32
+    sobol: wp.int32
 
 
 @wp.func
-def random_pair(key: wp.uint64, bounce: wp.int32, dimension: wp.int32) -> wp.vec2:
-    """Two independent numbers in [0, 1) for a sample's key; `bounce` counts from -1, the camera."""
+def sample_stream(seed: wp.uint32, pixel: wp.int32, sample: wp.int32, sobol: wp.int32) -> SampleStream:
+    """The stream of a sample; distinct (pixel, sample) never share one under one seed.
+
+    A pixel's Sobol points are `REPLICATES` independently scrambled sequences that take turns: how far their means
+    lie apart tells the error, which the spread of single samples overstates.
+    """
+    stream = SampleStream()
+    number = sample
+    if sobol != 0:
+        stream.sobol = 1
+        stream.index = wp.uint32(sample) / wp.uint32(REPLICATES)
+        number = sample % REPLICATES
+    word = (wp.uint64(wp.uint32(pixel)) << wp.uint64(32)) | wp.uint64(wp.uint32(number))
+    stream.key = mix_bits(mix_bits(word) + wp.uint64(seed) * _GOLDEN)
+    return stream
+
+
+@wp.func
+def random_pair(stream: SampleStream, bounce: wp.int32, dimension: wp.int32) -> wp.vec2:
+    """Two numbers in [0, 1), for Sobol points well spread over a pixel's samples; bounces count from -1, the camera."""
     index = wp.uint64((bounce + 1) * _DIMENSIONS_PER_BOUNCE + dimension + 1)
-    bits = mix_bits(key + index * wp.uint64(0x9E3779B97F4A7C15))
-    # 24 bits each: the quotient is exact and never rounds to 1.
-    first = wp.float32(wp.uint32(bits >> wp.uint64(40))) * 5.9604644775390625e-8
-    second = wp.float32(wp.uint32((bits >> wp.uint64(8)) & wp.uint64(0xFFFFFF))) * 5.9604644775390625e-8
-    return wp.vec2(first, second)
+    bits = mix_bits(stream.key + index * _GOLDEN)
+    first = wp.uint32(bits >> wp.uint64(32))
+    second = wp.uint32(bits & wp.uint64(0xFFFFFFFF))
+    if stream.sobol != 0:
+        return owen_sobol(stream.index, first, second)
+    return wp.vec2(to_unit(first), to_unit(second))
+
+
+@wp.func
+def to_unit(bits: wp.uint32) -> float:
+    """The upper 24 bits as a number in [0, 1): exact, so that it never rounds to 1."""
+    return wp.float32(bits >> wp.uint32(8)) * 5.9604644775390625e-8
+
+
+@wp.func
+def reverse_bits(x: wp.uint32) -> wp.uint32:
+    """The 32 bits in the opposite order."""
+    x = ((x >> wp.uint32(1)) & wp.uint32(0x55555555)) | ((x & wp.uint32(0x55555555)) << wp.uint32(1))
+    x = ((x >> wp.uint32(2)) & wp.uint32(0x33333333)) | ((x & wp.uint32(0x33333333)) << wp.uint32(2))
+    x = ((x >> wp.uint32(4)) & wp.uint32(0x0F0F0F0F)) | ((x & wp.uint32(0x0F0F0F0F)) << wp.uint32(4))
+    x = ((x >> wp.uint32(8)) & wp.uint32(0x00FF00FF)) | ((x & wp.uint32(0x00FF00FF)) << wp.uint32(8))
+    return (x >> wp.uint32(16)) | (x << wp.uint32(16))
+
+
+@wp.func
+def permute_low_to_high(x: wp.uint32, seed: wp.uint32) -> wp.uint32:
+    """Hash in which each bit depends on lower bits alone: an Owen scramble of the reversed word.
+
+    Laine and Karras 2011, with the constants that Vegdahl found to scramble best.
+    """
+    x = x ^ (x * wp.uint32(0x3D20ADEA))
+    x = x + seed
+    x = x * ((seed >> wp.uint32(16)) | wp.uint32(1))
+    x = x ^ (x * wp.uint32(0x05526C56))
+    return x ^ (x * wp.uint32(0x53A22864))
+
+
+@wp.func
+def pascal_bits(x: wp.uint32) -> wp.uint32:
+    """Product with Pascal's triangle mod 2: the second Sobol dimension, bits reversed."""
+    x = x ^ (x >> wp.uint32(16))
+    x = x ^ ((x >> wp.uint32(8)) & wp.uint32(0x00FF00FF))
+    x = x ^ ((x >> wp.uint32(4)) & wp.uint32(0x0F0F0F0F))
+    x = x ^ ((x >> wp.uint32(2)) & wp.uint32(0x33333333))
+    return x ^ ((x >> wp.uint32(1)) & wp.uint32(0x55555555))
+
+
+@wp.func
+def owen_sobol(index: wp.uint32, shuffle: wp.uint32, scramble: wp.uint32) -> wp.vec2:
+    """Point of a shuffled, Owen-scrambled (0, 2)-sequence (Burley, JCGT 9(4), 2020).
+
+    The first 2^k points, and each following 2^k, put one in every box of 2^-a by 2^(a - k).
+    """
+    number = reverse_bits(permute_low_to_high(reverse_bits(index), shuffle))
+    x = reverse_bits(permute_low_to_high(number, scramble))
+    y = reverse_bits(permute_low_to_high(pascal_bits(number), scramble * wp.uint32(0x2C1B3C6D) + shuffle))
+    return wp.vec2(to_unit(x), to_unit(y))
 
 
 @wp.func

@@ -92,7 +92,7 @@ class Scene:
 
     @property
     def meshes(self) -> dict[str, Mesh]:
-        """The meshes by the path of the prim that places them."""
+        """The meshes by the path of the prim that places them; instances of one prim share a mesh."""
         return {path: p.shape for path, p in self.placements.items() if isinstance(p.shape, Mesh)}
 
     def add_mesh(
@@ -109,30 +109,37 @@ class Scene:
 
         Args:
             path: prim path, unique in the scene.
-            points: (N, 3) float32, or a `wp.array(dtype=wp.vec3)`, which is used in place.
-            faces: (F, k) int indices, or a sequence of faces of any sizes.
-            material: None draws `color`.
-            pose: `wp.transformf`, seven numbers (position, quaternion xyzw) or a (4, 4) matrix for row vectors.
-            normals: (N, 3) shading normals, or None for flat shading.
-            color: one linear Rec.709 colour or one for each point.
+            points: (N, 3) float32 in object space and scene units, or a `wp.array(dtype=wp.vec3)` of length N,
+                which is used in place, not copied.
+            faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
+                counter-clockwise seen from the front.
+            material: None draws `color` as a Lambert surface.
+            pose: object to world: `wp.transformf`, seven numbers (position, quaternion xyzw), a (4, 4) matrix for
+                row vectors (p' = p M, translation in the last row), or None for the identity.
+            normals: (N, 3) shading normals in object space, of any length, or None for flat shading.
+            color: linear Rec.709 reflectance, one (3,) or one for each point (N, 3); None is 0.18 grey. Read only
+                where `material` is None.
+
+        Returns:
+            The mesh, as `scene.meshes[path]` has it.
 
         Raises:
-            SceneError: the path is taken, or an index is out of range.
+            SceneError: the path is taken, an array has the wrong shape, or an index is out of range.
         """
         self._claim(path)
+        host = _host_points(path, points)
         faces = [np.asarray(f, np.int64).reshape(-1) for f in faces]
         counts = np.array([len(f) for f in faces], np.int64)
         indices = np.concatenate(faces) if faces else np.zeros(0, np.int64)
         if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
             raise SceneError(f"{path}: a face index is outside 0…{len(points) - 1}")
-        host = points.numpy() if isinstance(points, wp.array) else np.asarray(points, np.float32).reshape(-1, 3)
         mesh = Mesh.from_polygons(host, counts, indices)
         if isinstance(points, wp.array):
             mesh.points = points
         if normals is not None:
-            mesh.normals = Primvar(normals, "vertex")
+            mesh.normals = _vectors(path, "normals", normals, len(host))
         if color is not None:
-            mesh.primvars["displayColor"] = _color_primvar(color)
+            mesh.primvars["displayColor"] = _vectors(path, "color", color, len(host))
         self._place(path, mesh, material, pose)
         return mesh
 
@@ -144,11 +151,22 @@ class Scene:
         pose: object = None,
         color: Sequence | None = None,
     ) -> Sphere:
-        """Add a sphere prim; arguments as in `add_mesh`."""
+        """Add a sphere prim about the origin of its object space: an exact quadric, not a mesh.
+
+        Args:
+            path: prim path, unique in the scene.
+            radius: in scene units; 0 and below draw nothing.
+            material: as in `add_mesh`.
+            pose: as in `add_mesh`; a matrix with a scale makes an ellipsoid.
+            color: one (3,) colour, as in `add_mesh`.
+
+        Raises:
+            SceneError: the path is taken, or an array has the wrong shape.
+        """
         self._claim(path)
         sphere = Sphere(radius)
         if color is not None:
-            sphere.primvars["displayColor"] = _color_primvar(color)
+            sphere.primvars["displayColor"] = _vectors(path, "color", color, 1)
         self._place(path, sphere, material, pose)
         return sphere
 
@@ -157,14 +175,20 @@ class Scene:
 
         Args:
             path: prim path of the instancer.
-            prototype: path of a placed prim.
-            poses: (K, 7) positions and quaternions xyzw, or (K, 4, 4) matrices for row vectors.
+            prototype: path of a placed prim, which stays where it is; its own pose is not applied to the copies.
+            poses: (K, 7) positions and quaternions xyzw, or (K, 4, 4) matrices for row vectors, object to world.
+
+        Returns:
+            The placement; copy k has the output `instanceId` k.
+
+        Raises:
+            SceneError: the path is taken, there is no prim `prototype`, or a pose has the wrong shape.
         """
         self._claim(path)
         if prototype not in self.placements:
             raise SceneError(f"{path}: there is no prim {prototype} to draw instances of")
         source = self.placements[prototype]
-        transforms = np.stack([pose_matrix(p) for p in poses]) if len(poses) else np.zeros((0, 4, 4))
+        transforms = np.stack([pose_matrix(p, path) for p in poses]) if len(poses) else np.zeros((0, 4, 4))
         placement = Placement(
             path, source.shape, transforms, source.material, np.arange(len(transforms), dtype=np.int32)
         )
@@ -172,19 +196,41 @@ class Scene:
         return placement
 
     def add_light(self, light: Light, path: str | None = None, pose: object = None) -> str:
-        """Add a light; returns its path. `pose` as in `add_mesh` replaces `light.transform`."""
+        """Add a light.
+
+        Args:
+            light: kept, not copied.
+            path: prim path, unique in the scene; None takes /Lights/, the kind and a number.
+            pose: light to world, as in `add_mesh`; replaces `light.transform`. Lights emit towards local -Z.
+
+        Returns:
+            The light's path.
+
+        Raises:
+            SceneError: the path is taken, or the pose has the wrong shape.
+        """
         path = path or f"/Lights/{type(light).__name__}{len(self.lights)}"
         self._claim(path)
         if pose is not None:
-            light.transform = pose_matrix(pose)
+            light.transform = pose_matrix(pose, path)
         self.lights[path] = light
         return path
 
     def add_camera(self, path: str, camera: Camera, pose: object = None) -> Camera:
-        """Add a camera; `pose` as in `add_mesh` replaces `camera.transform`."""
+        """Add a camera.
+
+        Args:
+            path: prim path, unique in the scene.
+            camera: kept, not copied.
+            pose: camera to world, as in `add_mesh`; replaces `camera.transform`. The camera looks down local -Z,
+                +Y is up.
+
+        Raises:
+            SceneError: the path is taken, or the pose has the wrong shape.
+        """
         self._claim(path)
         if pose is not None:
-            camera.transform = pose_matrix(pose)
+            camera.transform = pose_matrix(pose, path)
         self.cameras[path] = camera
         return camera
 
@@ -197,18 +243,22 @@ class Scene:
         if material is not None:
             key = f"{path}/material"
             self.materials[key] = material
-        self.placements[path] = Placement(path, shape, pose_matrix(pose)[None], key)
+        self.placements[path] = Placement(path, shape, pose_matrix(pose, path)[None], key)
 
 
-def pose_matrix(pose: object) -> np.ndarray:
-    """(4, 4) float64 matrix for row vectors from None, a (4, 4) matrix, or position and quaternion xyzw."""
+def pose_matrix(pose: object, path: str) -> np.ndarray:
+    """(4, 4) float64 matrix for row vectors from None, a (4, 4) matrix, or position and quaternion xyzw.
+
+    Raises:
+        SceneError: it is none of them; the message names `path`.
+    """
     if pose is None:
         return np.eye(4)
     pose = np.asarray(pose, np.float64)
     if pose.shape == (4, 4):
         return pose
     if pose.shape != (7,):
-        raise ValueError(f"a pose is seven numbers or a 4×4 matrix, not an array of shape {pose.shape}")
+        raise SceneError(f"{path}: a pose is seven numbers or a 4×4 matrix, not an array of shape {pose.shape}")
     x, y, z, w = pose[3:] / np.linalg.norm(pose[3:])
     matrix = np.eye(4)
     matrix[:3, :3] = [
@@ -220,6 +270,21 @@ def pose_matrix(pose: object) -> np.ndarray:
     return matrix
 
 
-def _color_primvar(color: np.ndarray | Sequence) -> Primvar:
-    values = np.asarray(color, np.float32)
+def _host_points(path: str, points: np.ndarray | wp.array) -> np.ndarray:
+    """(N, 3) float32 on the host; a wrong type would end the process once it is on a device."""
+    if isinstance(points, wp.array):
+        if points.dtype != wp.vec3 or points.ndim != 1:
+            raise SceneError(f"{path}: points are not a one-dimensional wp.array of wp.vec3")
+        return points.numpy()
+    host = np.asarray(points, np.float32)
+    if host.ndim != 2 or host.shape[1] != 3:
+        raise SceneError(f"{path}: points have the shape {host.shape}, not (N, 3)")
+    return host
+
+
+def _vectors(path: str, name: str, values: np.ndarray | Sequence, points: int) -> Primvar:
+    """One vector for the whole shape, or one for each of its points."""
+    values = np.asarray(values, np.float32)
+    if values.shape not in ((3,), (points, 3)):
+        raise SceneError(f"{path}: {name} has the shape {values.shape}, not (3,) or ({points}, 3)")
     return Primvar(values.reshape(-1, 3), "constant" if values.ndim == 1 else "vertex")

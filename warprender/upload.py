@@ -20,6 +20,7 @@ from .records import (
 from .scene import Placement, Scene
 from .shapes import SHAPES, Mesh, Sphere
 from .shapes.primvar import absent_primvar
+from .visibility.trees import MeshTree, SphereShape, WorldTree
 
 #: Primvars that materials read, in the order of their slots.
 _PRIMVARS = ("displayColor", "displayOpacity")
@@ -45,6 +46,7 @@ class Upload:
         self._geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
+        self._trees: list[MeshTree | SphereShape] = []
         self.record = DeviceScene()
         self._upload_instances(scene)
         self._upload_materials(scene)
@@ -69,17 +71,17 @@ class Upload:
         self.record.primvar_count = len(_PRIMVARS)
         used = [any(p.interpolation >= 0 for p in self._primvars[k :: len(_PRIMVARS)]) for k in range(2)]
         self.record.display_color, self.record.display_opacity = (k if used[k] else -1 for k in range(2))
-        if len(box):
-            self._build_tree(box - self.origin)
+        self._build_world(rows)
 
-    def _build_tree(self, box: np.ndarray) -> None:
-        # Outwards by more than the rounding of a transformed vertex.
-        margin = np.abs(box).max((1, 2), keepdims=True)[:, 0] * 2.0**-20 + np.finfo(np.float32).tiny
-        lower = wp.array(box[:, 0] - margin, dtype=wp.vec3, device=self.device)
-        upper = wp.array(box[:, 1] + margin, dtype=wp.vec3, device=self.device)
-        tree = wp.Bvh(lower, upper)
-        self._kept += [lower, upper, tree]
-        self.record.tree = tree.id
+    def _build_world(self, rows: list[np.ndarray]) -> None:
+        """The trees that rays walk, over instances in the order of their records."""
+        if not rows:
+            return
+        table = np.concatenate(rows)
+        placed = np.concatenate([table["linear"], table["translation"][:, :, None]], 2)
+        world = WorldTree(self._trees, table["geometry"], placed, self.device)
+        self._kept.append(world)
+        self.record.world = world.world
 
     def _instance_rows(
         self, path: str, prim: int, placement: Placement, geometry: int
@@ -87,8 +89,8 @@ class Upload:
         """Instance records of a placement and their world boxes (K, 2, 3), singular transforms left out."""
         linear = placement.transforms[:, :3, :3].swapaxes(1, 2)
         translation = placement.transforms[:, 3, :3]
-        with np.errstate(all="ignore"):
-            good = np.isfinite(placement.transforms).all((1, 2)) & (np.linalg.cond(linear) < 1e12)
+        inverse, condition = _inverses(linear)
+        good = np.isfinite(placement.transforms).all((1, 2)) & (condition < 1e12)
         if not good.all():
             self.warnings.append(f"{path}: {int((~good).sum())} singular or non-finite transforms are not drawn")
         linear, translation = linear[good], translation[good]
@@ -99,7 +101,7 @@ class Upload:
         rows["prim"] = prim
         rows["instance_id"] = placement.instance_ids[good]
         rows["linear"] = linear
-        rows["inverse"] = np.linalg.inv(linear)
+        rows["inverse"] = inverse[good]
         rows["translation"] = translation - self.origin
         low, high = self._boxes[geometry]
         middle = np.einsum("kij,j->ki", linear, (low + high) / 2) + translation
@@ -132,6 +134,7 @@ class Upload:
             return None
         record = GeometryRecord()
         record.radius = sphere.radius
+        self._trees.append(SphereShape(sphere.radius))
         record.normals = absent_primvar()
         self._boxes.append(np.array([[-sphere.radius] * 3, [sphere.radius] * 3]))
         return record
@@ -156,9 +159,7 @@ class Upload:
             record.normals = mesh.normals.upload(mesh.corners[keep], self.device)
         if mesh.face_materials:
             record.face_material = self._array(self._face_materials(mesh, material), wp.int32)
-        tree = wp.Mesh(record.points, record.indices)
-        self._kept.append(tree)
-        record.mesh = tree.id
+        self._trees.append(MeshTree(record.points, record.indices))
         used = points[np.unique(triangles)].astype(np.float64)
         self._boxes.append(np.stack([used.min(0), used.max(0)]))
         return record
@@ -182,8 +183,9 @@ class Upload:
 
     def _upload_lights(self, lights: dict[str, Light]) -> None:
         radius = max(float(np.linalg.norm(self.bounds[1] - self.bounds[0])) / 2, 1e-6)
-        rows = np.zeros(len(lights), LightRecord.numpy_dtype())
-        power = np.zeros(len(lights))
+        # A dark row in a scene without lights: kernels that have lights compiled in may aim at number 0.
+        rows = np.zeros(max(len(lights), 1), LightRecord.numpy_dtype())
+        power = np.zeros(len(rows))
         for i, (path, light) in enumerate(lights.items()):
             power[i] = self._light_row(rows[i], path, light, radius)
         chosen = power > 0
@@ -191,7 +193,9 @@ class Upload:
             # Half by power, half alike: no light in the scene is left to starve beside a strong one.
             rows["choice"] = np.where(chosen, 0.5 * power / power.sum() + 0.5 / chosen.sum(), 0.0)
         cdf = np.cumsum(rows["choice"].astype(np.float64))
-        cdf[chosen.nonzero()[0][-1:]] = 1.0
+        # From the last light that is chosen on: no number below 1 reaches one that is not.
+        if chosen.any():
+            cdf[np.flatnonzero(chosen)[-1] :] = 1.0
         self.record.lights = self._array(rows, LightRecord)
         self.record.light_count = len(lights)
         self.record.light_cdf = self._array(cdf.astype(np.float32), wp.float32)
@@ -224,6 +228,17 @@ def camera_light_at(light: CameraLight, transform: np.ndarray) -> CameraLight:
     light.transform = np.eye(4)
     light.transform[3] = transform[3]
     return light
+
+
+def _inverses(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverses (K, 3, 3) and condition numbers (K,) by cofactors: LAPACK takes ten times as long for a million."""
+    with np.errstate(all="ignore"):
+        scale = np.abs(matrices).max((1, 2), initial=0.0)[:, None, None]
+        a, b, c = np.moveaxis(matrices / scale, 1, 0)
+        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
+        inverses = cofactors / np.einsum("ki,ki->k", a, cofactors[:, :, 0])[:, None, None] / scale
+        condition = np.linalg.norm(matrices, axis=(1, 2)) * np.linalg.norm(inverses, axis=(1, 2))
+    return inverses, condition
 
 
 def _drawable(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

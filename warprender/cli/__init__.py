@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from typing import NoReturn
 
+from .. import __version__
 from . import plan, render
 from .report import error, interrupted
 
@@ -32,12 +34,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         return error(problem)
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line; subcommands inherit it."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with code 2, without the page of usage that would push the message out of sight."""
+        self.exit(2, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="warprender",
         description="Render OpenUSD stages on the CPU and on CUDA; flags as usdrecord's.",
+        epilog="warprender COMMAND --help explains a command's flags.",
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:
         command.add_parser(commands)

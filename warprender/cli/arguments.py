@@ -52,14 +52,14 @@ def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
         "--defaultTime",
         "-d",
         action="store_true",
-        help="draw the default time; without it, the stage's startTimeCode if it has one",
+        help="draw the default time; without it, the stage's startTimeCode or its earliest samples",
     )
     times.add_argument(
         "--frames",
         "-f",
         type=frame_spec,
         metavar="FRAMESPEC[,FRAMESPEC...]",
-        help="time codes a, a:b or a:bxs",
+        help="time codes: a, or a:b from a to b, or a:bxs in steps of s",
     )
 
 
@@ -84,15 +84,21 @@ def _add_view_arguments(group: argparse._ArgumentGroup) -> None:
         type=names,
         action="append",
         metavar="NAME[,NAME...]",
-        help="outputs to render (default: color); may be repeated",
+        help="outputs to render, as color,cameraDepth,primId (default: color); may be repeated",
     )
-    group.add_argument("--filter", default="box", help="reconstruction filter (default: box, one pixel)")
+    group.add_argument(
+        "--filter",
+        default="box",
+        metavar="NAME",
+        help="reconstruction filter: box, triangle or gaussian (default: box, one pixel wide)",
+    )
+    group.add_argument("--sampler", default="sobol", metavar="NAME", help="sobol or independent (default: sobol)")
     group.add_argument(
         "--colorCorrectionMode",
         "-color",
         choices=("disabled", "sRGB"),
         default="sRGB",
-        help="colours of 8-bit pictures (default: sRGB)",
+        help="colours of 8-bit pictures; .exr and .hdr stay linear (default: sRGB)",
     )
 
 
@@ -101,7 +107,7 @@ def _add_light_arguments(group: argparse._ArgumentGroup) -> None:
         "--cameraLight",
         choices=("on", "off", "auto"),
         default="auto",
-        help="a light at the camera (default: auto, where the stage has no light)",
+        help="a light at the camera (default: auto, on where the stage has no light)",
     )
     group.add_argument(
         "--disableCameraLight",
@@ -110,26 +116,54 @@ def _add_light_arguments(group: argparse._ArgumentGroup) -> None:
         const="off",
         help="the same as --cameraLight off",
     )
-    group.add_argument("--enableDomeLightVisibility", action="store_true", help="draw dome lights behind all")
-    group.add_argument("--enableLightVisibility", action="store_true", help="draw every light")
+    group.add_argument(
+        "--enableDomeLightVisibility", action="store_true", help="show dome lights to the camera, behind everything"
+    )
+    group.add_argument("--enableLightVisibility", action="store_true", help="show every light to the camera")
 
 
 def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--transport", default="auto", help="auto, none, local, direct, whitted or path (default: auto)")
-    group.add_argument("--visibility", default="auto", help="auto, rays or raster (default: auto)")
-    group.add_argument("--samples", type=positive_int, help="samples for each pixel")
-    group.add_argument("--error", type=positive_float, help="stop at this relative standard error")
-    group.add_argument("--seconds", type=positive_float, help="stop after this time")
-    group.add_argument("--bounces", type=count, help="reflections followed after the camera's hit")
-    group.add_argument("--seed", type=count, default=0, help="of the random numbers (default: 0)")
+    group.add_argument(
+        "--transport",
+        default="auto",
+        metavar="NAME",
+        help="path (path tracing), none (no color, other outputs alone) or auto (default: auto, none without color)",
+    )
+    group.add_argument("--visibility", default="auto", metavar="NAME", help="rays or auto (default: auto)")
+    group.add_argument(
+        "--samples",
+        type=positive_int,
+        metavar="COUNT",
+        help="stop at this many samples for each pixel (default: 64 without --error and --seconds)",
+    )
+    group.add_argument(
+        "--error",
+        type=positive_float,
+        metavar="SHARE",
+        help="stop at this relative standard error of the picture, as 0.01",
+    )
+    group.add_argument(
+        "--seconds", type=positive_float, metavar="TIME", help="stop after this many seconds of sampling"
+    )
+    group.add_argument(
+        "--bounces",
+        type=count,
+        metavar="COUNT",
+        help="reflections followed after the camera's hit (default: as many as matter)",
+    )
+    group.add_argument(
+        "--seed", type=count, default=0, metavar="NUMBER", help="another gives an independent picture (default: 0)"
+    )
 
 
 def _add_device_arguments(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--device", default="cpu", help="Warp device, as cpu or cuda:0 (default: cpu)")
+    group.add_argument("--device", default="cpu", metavar="NAME", help="Warp device, as cpu or cuda:0 (default: cpu)")
     group.add_argument(
         "--disableGpu", dest="device", action="store_const", const="cpu", help="the same as --device cpu"
     )
-    group.add_argument("--threads", type=positive_int, help="CPU threads (default: all cores)")
+    group.add_argument(
+        "--threads", type=positive_int, metavar="COUNT", help="CPU threads (default: all cores); changes no pixel"
+    )
     group.add_argument("--renderer", "-r", metavar="NAME", help="read for usdrecord's sake; there is one renderer here")
 
 

@@ -1,4 +1,4 @@
-"""`warprender plan`: which effects a stage calls for, which prim called for each, and what is left out."""
+"""Say which effects a picture of a stage calls for, which prim called for each, and what is left out."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ from .arguments import add_picture_arguments
 def add_parser(commands: argparse._SubParsersAction) -> None:
     """Add the command and its flags."""
     parser = commands.add_parser(
-        "plan", help="say what rendering a stage involves, and why", description=__doc__, allow_abbrev=False
+        "plan",
+        usage="%(prog)s [FLAGS] STAGE",
+        help="say what rendering a stage involves, and why",
+        description=__doc__,
+        allow_abbrev=False,
     )
     add_picture_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the plan as JSON")

@@ -1,4 +1,4 @@
-"""`warprender render`: a stage to an image file, or a range of frames to one file each."""
+"""Draw a stage into an image file, or a range of frames into one file each."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 def add_parser(commands: argparse._SubParsersAction) -> None:
     """Add the command and its flags."""
     parser = commands.add_parser(
-        "render", help="draw a stage into an image file", description=__doc__, allow_abbrev=False
+        "render",
+        usage="%(prog)s [FLAGS] STAGE OUTPUT",
+        help="draw a stage into an image file",
+        description=__doc__,
+        allow_abbrev=False,
     )
     add_picture_arguments(parser)
     parser.add_argument(

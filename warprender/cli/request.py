@@ -6,12 +6,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..camera import Camera
     from ..renderer import Renderer
-    from ..scene import RenderSettings, Scene
-
-#: usdrecord's width of pictures.
-DEFAULT_WIDTH = 960
+    from ..scene import Scene
 
 #: What the time code "default" is as a number, in USD and in `load`.
 DEFAULT_TIME = float("nan")
@@ -55,13 +51,13 @@ def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
         ValueError: an output, transport, device or filter that does not exist.
     """
     from .. import Renderer
-    from ..usd import choose_camera
+    from ..framing import choose_camera, choose_resolution
 
     camera = choose_camera(scene, args.camera)
     return Renderer(
         scene,
         camera=camera,
-        resolution=choose_resolution(args.resolution, args.imageWidth, scene.settings, camera),
+        resolution=args.resolution or choose_resolution(scene, camera, args.imageWidth),
         outputs=outputs(args),
         visibility=args.visibility,
         transport=args.transport,
@@ -72,6 +68,7 @@ def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
         dome_light_visible=args.enableDomeLightVisibility,
         lights_visible=args.enableLightVisibility,
         filter=args.filter,
+        sampler=args.sampler,
     )
 
 
@@ -86,28 +83,6 @@ def outputs(args: argparse.Namespace) -> tuple[str, ...]:
     asked = [name for names in args.aov or () for name in names]
     check_outputs(asked)
     return tuple(dict.fromkeys(asked)) or ("color",)
-
-
-def choose_resolution(
-    resolution: tuple[int, int] | None, width: int | None, settings: RenderSettings, camera: Camera
-) -> tuple[int, int]:
-    """(width, height): as asked, else `width` by the camera's aspect, else the settings', else 960 wide."""
-    if resolution is not None:
-        return resolution
-    if width is None and settings.resolution is not None:
-        return settings.resolution
-    width = width or DEFAULT_WIDTH
-    return width, _height(width, camera)
-
-
-def _height(width: int, camera: Camera) -> int:
-    """As usdrecord: the quotient in 32 bits (960 by 16:9 is 540, not 539), cut to whole pixels."""
-    import numpy as np
-
-    aspect = np.float32(camera.horizontalAperture / camera.verticalAperture) if camera.verticalAperture else 0
-    if aspect < 1e-4:
-        aspect = np.float32(1.0)
-    return max(1, int(np.float32(width) / aspect))
 
 
 def remarks(args: argparse.Namespace) -> list[str]:

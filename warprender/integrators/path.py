@@ -9,6 +9,7 @@ from functools import cache
 import warp as wp
 
 from ..camera import camera_ray_function
+from ..color import luminance
 from ..film import FilmRecord, filter_offset
 from ..launch import launch
 from ..lights.dispatch import light_functions
@@ -41,9 +42,11 @@ from ..sampling import (
     DIMENSION_LIGHT_CHOICE,
     DIMENSION_LOBE,
     DIMENSION_PIXEL,
+    REPLICATES,
+    SampleStream,
     power_heuristic,
     random_pair,
-    sample_key,
+    sample_stream,
 )
 from ..shapes.surface import surface_function
 from ..visibility.rays import closest_after_function, closest_function, occluded_function
@@ -61,6 +64,7 @@ class PathRequest:
     seed: wp.uint32
     first_sample: wp.int32
     samples: wp.int32
+    sobol: wp.int32
     bounces: wp.int32
     dome_light_visible: wp.int32
     lights_visible: wp.int32
@@ -77,6 +81,15 @@ class PathResult:
 
 
 @wp.func
+def end_margin(origin: wp.vec3, distance: float) -> float:
+    """How far rounding may put a point at this distance before or behind its place."""
+    margin = wp.float32(0.0)
+    if distance < INFINITY:
+        margin = (max_component(wp.abs(origin)) + distance) * GAMMA_7
+    return margin
+
+
+@wp.func
 def shadow_ray(surface: Surface, light: LightSample) -> Ray:
     """From the surface to the light, clear of both ends by the error bounds of each."""
     ray = Ray()
@@ -84,8 +97,9 @@ def shadow_ray(surface: Surface, light: LightSample) -> Ray:
     ray.direction = light.direction
     ray.t_max = INFINITY
     if light.distance < INFINITY:
-        reach = max_component(wp.abs(surface.position)) + light.distance
-        ray.t_max = light.distance - reach * GAMMA_7
+        # The light is as far from the surface as it was: what the offset took is not left to go.
+        gone = wp.dot(ray.origin - surface.position, ray.direction)
+        ray.t_max = light.distance - gone - end_margin(surface.position, light.distance)
     return ray
 
 
@@ -144,7 +158,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     with_lights = bool(key.lights)
 
     @wp.func
-    def radiance(scene: DeviceScene, request: PathRequest, camera_ray: Ray, sample: wp.uint64) -> PathResult:
+    def radiance(scene: DeviceScene, request: PathRequest, camera_ray: Ray, sample: SampleStream) -> PathResult:
         result = PathResult()
         ray = camera_ray
         # Throughput of the last event, split as the lights' `diffuse` and `specular` need it.
@@ -153,6 +167,8 @@ def radiance_function(key: PathKey) -> wp.Function:
         # Density of the last direction; 0 after a delta event and at the camera, where no light was aimed at.
         pdf = wp.float32(0.0)
         from_camera = wp.bool(True)
+        # What the camera ray has left of itself behind the clear surfaces that it passed; alpha is the rest.
+        clear = wp.float32(1.0)
         depth = wp.int32(0)
         step = wp.int32(0)
         passed_t = wp.float32(0.0)
@@ -170,7 +186,8 @@ def radiance_function(key: PathKey) -> wp.Function:
                             seen = request.dome_light_visible != 0
                     if seen:
                         met = meet_light(scene.lights[i], ray.origin, ray.direction)
-                        if met.distance > passed_t and met.distance <= hit.t:
+                        # Ties go to the light, as they do for shadow rays: a lamp may lie on a ceiling.
+                        if met.distance > passed_t and met.distance - end_margin(ray.origin, met.distance) <= hit.t:
                             weight = wp.float32(1.0)
                             if pdf > 0.0:
                                 weight = power_heuristic(pdf, met.pdf * scene.lights[i].choice)
@@ -180,7 +197,7 @@ def radiance_function(key: PathKey) -> wp.Function:
                             )
                             if from_camera:
                                 share = diffuse_throughput + specular_throughput
-                                result.alpha = 1.0
+                                clear = 0.0
                             result.radiance += wp.cw_mul(share, met.radiance) * weight
             if hit.instance < 0:
                 break
@@ -200,12 +217,13 @@ def radiance_function(key: PathKey) -> wp.Function:
                 if scattered.event == EVENT_PASS:
                     diffuse_throughput = wp.cw_mul(diffuse_throughput, scattered.specular)
                     specular_throughput = wp.cw_mul(specular_throughput, scattered.specular)
+                    clear = wp.where(from_camera, clear * scattered.specular[0], clear)
                     passed_t = hit.t
                     hit = closest_after(scene, ray, hit)
                     step += 1
                     continue
             if from_camera:
-                result.alpha = 1.0
+                clear = 0.0
                 from_camera = wp.bool(False)
             if depth >= request.bounces + 1:
                 break
@@ -221,12 +239,16 @@ def radiance_function(key: PathKey) -> wp.Function:
                     response = value.diffuse * light.diffuse + value.specular * light.specular
                     if max_component(response) > 0.0:
                         density = aimed.pdf * light.choice
+                        chance = density
+                        if wp.static(straight_through):
+                            # Paths that went straight through did not aim: those that stayed stand for them.
+                            chance = density * scattered.stay
                         weight = wp.float32(1.0)
                         if aimed.delta == 0:
                             weight = power_heuristic(density, value.pdf)
                         passed = transmittance(scene, shadow_ray(surface, aimed))
                         result.rays += wp.vec3i(0, 0, 1)
-                        arriving = aimed.radiance * (weight * passed / density)
+                        arriving = aimed.radiance * (weight * passed / chance)
                         result.radiance += wp.cw_mul(wp.cw_mul(throughput, response), arriving)
 
             # 5. Follow the sampled direction, unless it dips below the true surface.
@@ -257,6 +279,7 @@ def radiance_function(key: PathKey) -> wp.Function:
             step += 1
             hit = closest(scene, ray)
             result.rays += wp.vec3i(0, 1, 0)
+        result.alpha = 1.0 - clear
         return result
 
     return radiance
@@ -275,10 +298,11 @@ def path_kernel(key: PathKey) -> wp.Kernel:
         y = pixel // camera.width
         total = film.sums[y, x]
         squares = film.squares[y, x]
+        replicates = film.replicates[y, x]
         rays = film.rays[y, x]
         kept = wp.int32(0)
         for s in range(request.samples):
-            sample = sample_key(request.seed, pixel, request.first_sample + s)
+            sample = sample_stream(request.seed, pixel, request.first_sample + s, request.sobol)
             u = random_pair(sample, -1, DIMENSION_PIXEL)
             px = wp.float32(x) + 0.5 + filter_offset(film.filter_table, u[0])
             py = wp.float32(y) + 0.5 + filter_offset(film.filter_table, u[1])
@@ -293,9 +317,11 @@ def path_kernel(key: PathKey) -> wp.Kernel:
                 )
                 total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
                 squares += wp.cw_mul(value, value)
+                replicates[(request.first_sample + s) % REPLICATES] += wp.float64(luminance(result.radiance))
                 kept += 1
         film.sums[y, x] = total
         film.squares[y, x] = squares
+        film.replicates[y, x] = replicates
         film.rays[y, x] = rays
         film.samples[y, x] = film.samples[y, x] + kept
         film.dropped[y, x] = film.dropped[y, x] + request.samples - kept

@@ -18,7 +18,7 @@ class DiskLight(Light):
     """A disk in the local XY plane, centred, that emits towards local -Z.
 
     Attributes:
-        radius: in light space.
+        radius: in light space: scene units unless `transform` scales.
     """
 
     radius: float = 0.5

@@ -17,14 +17,15 @@ class Light:
     """UsdLuxLightAPI, names, units and defaults as in the schema.
 
     Attributes:
-        color: linear Rec.709.
-        intensity: radiance at normal incidence, for exposure 0, white, not normalised.
+        color: linear Rec.709, multiplies `intensity`.
+        intensity: emitted radiance, in the unit of the picture: a surface of the light itself would read
+            intensity * 2**exposure * color, unless `normalize` is on.
         exposure: a power of two on `intensity`.
         normalize: divide by the light's area in the world (or its solid angle), so that size keeps power.
         diffuse: multiplies the light's effect on diffuse reflection.
         specular: multiplies the light's effect on specular reflection.
         enableColorTemperature: tint by `colorTemperature`.
-        colorTemperature: kelvin.
+        colorTemperature: kelvin; 6500 is near white.
         transform: (4, 4) float64 light-to-world matrix for row vectors; lights emit towards local -Z.
     """
 

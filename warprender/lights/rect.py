@@ -20,8 +20,8 @@ class RectLight(Light):
     """A rectangle in the local XY plane, centred, that emits towards local -Z.
 
     Attributes:
-        width: along local X.
-        height: along local Y.
+        width: along local X, in light space: scene units unless `transform` scales.
+        height: along local Y, likewise.
     """
 
     width: float = 1.0
@@ -57,6 +57,12 @@ class SphericalRect:
 
 
 @wp.func
+def corner_angle(x: float, y: float, z: float) -> float:
+    """Signed solid angle of the rectangle from the foot of the perpendicular to the corner (x, y)."""
+    return wp.atan2(x * y, wp.abs(z) * wp.sqrt(x * x + y * y + z * z))
+
+
+@wp.func
 def spherical_rect(light: LightRecord, q: wp.vec3) -> SphericalRect:
     """The light seen from q in light space, q.z < 0."""
     r = SphericalRect()
@@ -65,19 +71,15 @@ def spherical_rect(light: LightRecord, q: wp.vec3) -> SphericalRect:
     r.y0 = -light.size[1] - q[1]
     r.y1 = light.size[1] - q[1]
     r.z0 = q[2]
-    # Normals of the planes through q and each edge; only z is needed.
-    n0 = -r.y0 / wp.sqrt(r.z0 * r.z0 + r.y0 * r.y0)
-    n1 = r.x1 / wp.sqrt(r.z0 * r.z0 + r.x1 * r.x1)
-    n2 = r.y1 / wp.sqrt(r.z0 * r.z0 + r.y1 * r.y1)
-    n3 = -r.x0 / wp.sqrt(r.z0 * r.z0 + r.x0 * r.x0)
-    g0 = wp.acos(wp.clamp(-n0 * n1, -1.0, 1.0))
-    g1 = wp.acos(wp.clamp(-n1 * n2, -1.0, 1.0))
-    g2 = wp.acos(wp.clamp(-n2 * n3, -1.0, 1.0))
-    g3 = wp.acos(wp.clamp(-n3 * n0, -1.0, 1.0))
-    r.b0 = n0
-    r.b1 = n2
-    r.k = 2.0 * PI - g2 - g3
-    r.solid_angle = g0 + g1 - r.k
+    # Angles at the corners less π/2. The arc cosine of n n' would lose half its digits near the rectangle's plane.
+    a0 = corner_angle(r.x1, r.y0, r.z0)
+    a1 = corner_angle(r.x1, r.y1, r.z0)
+    a2 = corner_angle(r.x0, r.y1, r.z0)
+    a3 = corner_angle(r.x0, r.y0, r.z0)
+    r.b0 = -r.y0 / wp.sqrt(r.z0 * r.z0 + r.y0 * r.y0)
+    r.b1 = r.y1 / wp.sqrt(r.z0 * r.z0 + r.y1 * r.y1)
+    r.k = PI + a2 - a3
+    r.solid_angle = a1 - a0 - a2 + a3
     return r
 
 

@@ -18,7 +18,7 @@ class SphereLight(Light):
     """A sphere about the local origin that emits outwards.
 
     Attributes:
-        radius: in light space.
+        radius: in light space: scene units unless `transform` scales.
         treatAsPoint: may be sampled as a point of the same power; drawn as the sphere that it is.
     """
 

@@ -10,6 +10,8 @@ from functools import lru_cache
 import numpy as np
 import warp as wp
 
+from .microfacet import SMALLEST_ALPHA, schlick_weight
+
 #: Entries along the cosine and along the roughness (√alpha), both uniform from 0 to 1.
 SIZE = 32
 _SAMPLES = 1024
@@ -24,8 +26,15 @@ def albedo_table() -> np.ndarray:
     cosine = np.linspace(0, 1, SIZE)
     cosine[0] = 1e-3
     u = _hammersley(_SAMPLES)
-    alpha = np.maximum(np.linspace(0, 1, SIZE), 0.01) ** 2
-    z, a = cosine[:, None, None], alpha[None, :, None]
+    table = np.zeros((SIZE, SIZE, 3), np.float32)
+    for j, alpha in enumerate(np.maximum(np.linspace(0, 1, SIZE), 0.01) ** 2):
+        table[:, j, :2] = _ggx_albedos(cosine[:, None], alpha, u)
+    table[..., 2] = _lambert_schlick(cosine, u)[:, None]
+    return table
+
+
+def _ggx_albedos(z: np.ndarray, a: float, u: np.ndarray) -> np.ndarray:
+    """(K, 2) for cosines z (K, 1): the GGX albedos of `albedo_table`."""
     wo = np.stack(np.broadcast_arrays(np.sqrt(1 - z * z), 0.0 * z, z))
     h = _visible_normals(wo, a, u)
     half_cos = np.clip((wo * h).sum(0), 0.0, 1.0)
@@ -34,12 +43,7 @@ def albedo_table() -> np.ndarray:
     wo_length = np.sqrt(z * z + a * a * (1 - z * z))
     # The weight of a sampled visible normal is G2 / G1.
     weight = np.where(wi_z > 0, wi_z * (z + wo_length) / np.maximum(z * wi_length + wi_z * wo_length, 1e-30), 0.0)
-    schlick = (1 - half_cos) ** 5
-    table = np.zeros((SIZE, SIZE, 3), np.float32)
-    table[..., 0] = weight.mean(-1)
-    table[..., 1] = (weight * schlick).mean(-1)
-    table[..., 2] = _lambert_schlick(cosine, u)[:, None]
-    return table
+    return np.stack([weight.mean(-1), (weight * (1 - half_cos) ** 5).mean(-1)], -1)
 
 
 def _hammersley(count: int) -> np.ndarray:
@@ -51,9 +55,9 @@ def _hammersley(count: int) -> np.ndarray:
     return np.stack([(index + 0.5) / count, bits])
 
 
-def _visible_normals(wo: np.ndarray, alpha: np.ndarray, u: np.ndarray) -> np.ndarray:
+def _visible_normals(wo: np.ndarray, alpha: float, u: np.ndarray) -> np.ndarray:
     """`sampling.ggx_visible_normal` on arrays, (3, …)."""
-    stretched = np.stack([alpha * wo[0], alpha * wo[1], wo[2] + 0 * alpha])
+    stretched = np.stack([alpha * wo[0], alpha * wo[1], wo[2]])
     stretched = stretched / np.linalg.norm(stretched, axis=0)
     phi = 2 * np.pi * u[0]
     z = (1 - u[1]) * (1 + stretched[2]) - stretched[2]
@@ -74,7 +78,7 @@ def _lambert_schlick(cosine: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 @wp.func
 def white_albedo(table: wp.array2d(dtype=wp.vec3), cosine: float, alpha: float) -> wp.vec3:
-    """The table's three albedos at a cosine and an alpha, bilinear."""
+    """The table's three albedos at a cosine and an alpha, bilinear; of a delta lobe the first two are exact."""
     x = wp.clamp(cosine, 0.0, 1.0) * wp.float32(wp.static(SIZE - 1))
     y = wp.clamp(wp.sqrt(alpha), 0.0, 1.0) * wp.float32(wp.static(SIZE - 1))
     i = wp.min(wp.int32(x), wp.static(SIZE - 2))
@@ -83,4 +87,7 @@ def white_albedo(table: wp.array2d(dtype=wp.vec3), cosine: float, alpha: float) 
     t = y - wp.float32(j)
     near = table[i, j] * (1.0 - t) + table[i, j + 1] * t
     far = table[i + 1, j] * (1.0 - t) + table[i + 1, j + 1] * t
-    return near * (1.0 - s) + far * s
+    white = near * (1.0 - s) + far * s
+    if alpha < SMALLEST_ALPHA:
+        return wp.vec3(1.0, schlick_weight(cosine), white[2])
+    return white

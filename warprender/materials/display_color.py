@@ -63,6 +63,7 @@ def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:
     opacity = wp.clamp(opacity, 0.0, 1.0)
     bsdf = Bsdf()
     bsdf.diffuse = color * opacity
+    bsdf.present = 1.0
     bsdf.pass_through = 1.0 - opacity
     return bsdf
 
@@ -89,6 +90,7 @@ def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float)
     """Cosine-weighted, or straight through."""
     result = BsdfSample()
     p = scatter_probability(bsdf)
+    result.stay = p
     if lobe >= p:
         result.event = EVENT_PASS
         result.direction = -wo

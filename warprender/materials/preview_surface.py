@@ -26,7 +26,7 @@ from ..records import (
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
-from .albedo import white_albedo
+from .albedo import SIZE, albedo_table, white_albedo
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -78,13 +78,14 @@ class PreviewSurface:
     def pack(self) -> np.ndarray:
         """Values by input number: (n, 3)."""
         presence = float(self.opacityMode == "presence")
+        roughness, coat_roughness = np.clip([self.roughness, self.clearcoatRoughness], 0.0, 1.0)
         return np.array(
             [
                 self.diffuseColor,
                 self.emissiveColor,
                 self.specularColor,
                 [self.useSpecularWorkflow, self.metallic, self.ior],
-                [self.roughness, self.clearcoat, self.clearcoatRoughness],
+                [roughness, self.clearcoat, coat_roughness],
                 [self.opacity, self.opacityThreshold, presence],
             ],
             np.float32,
@@ -96,8 +97,22 @@ class PreviewSurface:
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""
-        specular = max(self.specularColor) if self.useSpecularWorkflow else 0.04
-        return min(1.0, max(*self.diffuseColor, specular) + specular)
+        tint, f0, f90 = np.array(self.diffuseColor), np.array(self.specularColor), 1.0
+        diffuse, coat_f0 = tint, ((1 - self.ior) / (1 + self.ior)) ** 2
+        if not self.useSpecularWorkflow:
+            f90 = 1 - self.metallic + tint * self.metallic
+            f0 = f90 * (coat_f0 * (1 - self.metallic) + self.metallic)
+            diffuse = tint * (1 - self.metallic)
+        base = _gloss(self.roughness, f0, f90) + np.max(diffuse) * (1 - np.min(f0))
+        coat = self.clearcoat * _gloss(self.clearcoatRoughness, coat_f0, 1.0)
+        return float(min(1.0, coat + (1 - coat) * base))
+
+
+def _gloss(roughness: float, f0: np.ndarray | float, f90: np.ndarray | float) -> float:
+    """Largest directional albedo of a lobe; the two roughnesses of the table on either side bound it."""
+    position = np.clip(roughness, 0.0, 1.0) * (SIZE - 1)
+    white = albedo_table()[:, [int(position), int(np.ceil(position))], :2].reshape(-1, 2, 1)
+    return float((f0 * (white[:, 0] - white[:, 1]) + f90 * white[:, 1]).max())
 
 
 @wp.func
@@ -129,14 +144,14 @@ def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:
     opacity = wp.clamp(opacity_inputs[0], 0.0, 1.0)
     if opacity_inputs[1] > 0.0:
         opacity = wp.where(opacity >= opacity_inputs[1], 1.0, 0.0)
-    bsdf.diffuse = bsdf.diffuse * opacity
     bsdf.pass_through = 1.0 - opacity
+    bsdf.present = 1.0
     presence = opacity_inputs[2] > 0.5 or opacity_inputs[1] > 0.0
     if presence:
-        bsdf.f0 = bsdf.f0 * opacity
-        bsdf.f90 = bsdf.f90 * opacity
-        bsdf.coat = bsdf.coat * opacity
+        bsdf.present = opacity
         bsdf.emission = bsdf.emission * opacity
+    else:
+        bsdf.diffuse = bsdf.diffuse * opacity
     bsdf.pass_through = bsdf.pass_through * clear_share(scene, bsdf, surface, presence)
     return bsdf
 
@@ -191,8 +206,10 @@ def lobe_probabilities(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3) -> wp.vec4:
     """Probability of sampling the diffuse, specular, clearcoat and straight-through lobe: by their albedos."""
     white = white_albedo(scene.albedo, wo[2], bsdf.alpha)
     coat = coat_albedo(scene, bsdf, wo[2])
-    specular = max_component(specular_albedo(bsdf, white)) * (1.0 - coat)
-    diffuse = max_component(bsdf.diffuse) * diffuse_scale(bsdf, white) * (1.0 - coat)
+    below_coat = bsdf.present * (1.0 - coat)
+    coat = bsdf.present * coat
+    specular = max_component(specular_albedo(bsdf, white)) * below_coat
+    diffuse = max_component(bsdf.diffuse) * diffuse_scale(bsdf, white) * below_coat
     total = diffuse + specular + coat + bsdf.pass_through
     if total <= 0.0:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
@@ -226,7 +243,7 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
     h = h / length
     half_cos = wp.clamp(wp.dot(wo, h), 0.0, 1.0)
     probability = lobe_probabilities(scene, bsdf, wo)
-    below_coat = 1.0 - wp.max(coat_albedo(scene, bsdf, wo[2]), coat_albedo(scene, bsdf, wi[2]))
+    below_coat = bsdf.present * (1.0 - wp.max(coat_albedo(scene, bsdf, wo[2]), coat_albedo(scene, bsdf, wi[2])))
     value.diffuse = diffuse_lobe(scene, bsdf, wo, wi, half_cos) * below_coat
     value.pdf = probability[0] * cosine_hemisphere_pdf(wi[2])
     if bsdf.alpha >= SMALLEST_ALPHA:
@@ -234,19 +251,20 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
         value.specular += fresnel * (below_coat * ggx_reflection(wo, wi, h, bsdf.alpha))
         value.pdf += probability[1] * ggx_visible_pdf(wo, h, bsdf.alpha)
     if bsdf.coat > 0.0 and bsdf.coat_alpha >= SMALLEST_ALPHA:
-        white = coat_fresnel(bsdf, half_cos) * ggx_reflection(wo, wi, h, bsdf.coat_alpha)
+        white = bsdf.present * coat_fresnel(bsdf, half_cos) * ggx_reflection(wo, wi, h, bsdf.coat_alpha)
         value.specular += wp.vec3(white, white, white)
         value.pdf += probability[2] * ggx_visible_pdf(wo, h, bsdf.coat_alpha)
     return value
 
 
 @wp.func
-def mirror(bsdf: Bsdf, wo: wp.vec3, weight: wp.vec3, probability: float) -> BsdfSample:
+def mirror(bsdf: Bsdf, wo: wp.vec3, weight: wp.vec3, probability: float, stay: float) -> BsdfSample:
     """A delta reflection about the normal."""
     result = BsdfSample()
+    result.stay = stay
     result.event = wp.where(probability > 0.0, EVENT_DELTA, EVENT_ABSORB)
     result.direction = wp.vec3(-wo[0], -wo[1], wo[2])
-    result.specular = weight / probability
+    result.specular = weight * (bsdf.present / probability)
     return result
 
 
@@ -255,18 +273,19 @@ def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float)
     """Pick a lobe, sample it, and weigh by the pdf of all lobes that could have given the direction."""
     result = BsdfSample()
     probability = lobe_probabilities(scene, bsdf, wo)
+    result.stay = 1.0 - probability[3]
     wi = wp.vec3(0.0, 0.0, 0.0)
     if lobe < probability[0]:
         wi = cosine_hemisphere(u)
     elif lobe < probability[0] + probability[1]:
         if bsdf.alpha < SMALLEST_ALPHA:
             below_coat = 1.0 - coat_albedo(scene, bsdf, wo[2])
-            return mirror(bsdf, wo, schlick(bsdf.f0, bsdf.f90, wo[2]) * below_coat, probability[1])
+            return mirror(bsdf, wo, schlick(bsdf.f0, bsdf.f90, wo[2]) * below_coat, probability[1], result.stay)
         h = ggx_visible_normal(wo, bsdf.alpha, u)
         wi = h * (2.0 * wp.dot(wo, h)) - wo
     elif lobe < probability[0] + probability[1] + probability[2]:
         if bsdf.coat_alpha < SMALLEST_ALPHA:
-            return mirror(bsdf, wo, wp.vec3(coat_fresnel(bsdf, wo[2])), probability[2])
+            return mirror(bsdf, wo, wp.vec3(coat_fresnel(bsdf, wo[2])), probability[2], result.stay)
         h = ggx_visible_normal(wo, bsdf.coat_alpha, u)
         wi = h * (2.0 * wp.dot(wo, h)) - wo
     elif probability[3] > 0.0:

@@ -8,7 +8,7 @@ import mapbox_earcut
 import numpy as np
 import warp as wp
 
-from ..numerics import GAMMA_7, max_component
+from ..numerics import max_component, triangle_point
 from ..records import GeometryRecord, Hit
 from .local_surface import LocalSurface
 from .primvar import Primvar, interpolate
@@ -95,30 +95,34 @@ def triangulate(
     pieces = []
     for size in np.unique(counts[drawn]):
         faces = np.flatnonzero(drawn & (counts == size))
-        corners = first[faces, None] + np.arange(size)
         fan = np.stack([np.zeros(size - 2, int), np.arange(1, size - 1), np.arange(2, size)], 1)
-        convex = np.ones(len(faces), bool) if size == 3 else _is_convex_fan(points[indices[corners]], fan)
-        pieces.append((np.repeat(faces[convex], size - 2), corners[convex][:, fan].reshape(-1, 3)))
-        for face, ring in zip(faces[~convex], corners[~convex], strict=True):
+        # A concave quad is convex as seen from one end of its other diagonal.
+        for start in range(2 if size == 4 else 1):
+            corners = first[faces, None] + (np.arange(size) + start) % size
+            convex = np.ones(len(faces), bool) if size == 3 else _is_convex_fan(points[indices[corners]])
+            pieces.append((np.repeat(faces[convex], size - 2), corners[convex][:, fan].reshape(-1, 3)))
+            faces = faces[~convex]
+        for face in faces:
+            ring = first[face] + np.arange(size)
             cut = _cut_ears(points[indices[ring]])
             pieces.append((np.full(len(cut), face), ring[cut]))
+    pieces = [piece for piece in pieces if len(piece[0])]
     if not pieces:
         return np.zeros((0, 3), np.int32), np.zeros(0, np.int32), np.zeros((0, 3), np.int32)
 
     faces = np.concatenate([p[0] for p in pieces])
     corners = np.concatenate([p[1] for p in pieces])
-    order = np.argsort(faces, kind="stable")
-    faces, corners = faces[order].astype(np.int32), corners[order].astype(np.int32)
-    return indices[corners].astype(np.int32), faces, corners
+    if len(pieces) > 1:
+        order = np.argsort(faces, kind="stable")
+        faces, corners = faces[order], corners[order]
+    return indices[corners].astype(np.int32), faces.astype(np.int32), corners.astype(np.int32)
 
 
-def _is_convex_fan(rings: np.ndarray, fan: np.ndarray) -> np.ndarray:
-    """Whether every triangle of the fan faces the same way as its polygon: (F, n, 3) → (F,) bool."""
-    edges = rings - rings[:, :1]
-    normal = np.cross(edges[:, 1:-1], edges[:, 2:]).sum(1)
-    triangles = rings[:, fan]
-    facing = np.cross(triangles[:, :, 1] - triangles[:, :, 0], triangles[:, :, 2] - triangles[:, :, 0])
-    return (np.einsum("ftk,fk->ft", facing, normal) >= 0).all(1)
+def _is_convex_fan(rings: np.ndarray) -> np.ndarray:
+    """Whether every triangle fanned from the first corner faces as its polygon does: (F, n, 3) → (F,) bool."""
+    edges = rings[:, 1:] - rings[:, :1]
+    facing = np.cross(edges[:, :-1], edges[:, 1:])
+    return (np.einsum("ftk,fk->ft", facing, facing.sum(1)) >= 0).all(1)
 
 
 def _cut_ears(ring: np.ndarray) -> np.ndarray:
@@ -156,10 +160,10 @@ def mesh_surface(geometry: GeometryRecord, hit: Hit) -> LocalSurface:
     p0 = geometry.points[i]
     p1 = geometry.points[j]
     p2 = geometry.points[k]
-    w = 1.0 - hit.u - hit.v
+    position, error = triangle_point(p0, p1, p2, hit.u, hit.v)
     local = LocalSurface()
-    local.position = p0 * w + p1 * hit.u + p2 * hit.v
-    local.error = (wp.abs(p0 * w) + wp.abs(p1 * hit.u) + wp.abs(p2 * hit.v)) * GAMMA_7
+    local.position = position
+    local.error = error
     local.geometric_normal = triangle_normal(p0, p1, p2)
     local.normal = local.geometric_normal
     local.face = geometry.faces[hit.face]

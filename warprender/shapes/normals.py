@@ -18,8 +18,10 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     points = np.asarray(points, np.float64)
     a, b, c = (points[triangles[:, k]] for k in range(3))
     weighted = np.cross(b - a, c - a)
-    corners = triangles.reshape(-1)
-    spread = np.repeat(weighted, 3, axis=0)
-    total = np.stack([np.bincount(corners, spread[:, k], len(points)) for k in range(3)], 1).astype(float)
+    total = np.zeros((len(points), 3))
+    for axis in range(3):
+        weights = np.ascontiguousarray(weighted[:, axis])
+        for corner in range(3):
+            total[:, axis] += np.bincount(triangles[:, corner], weights, len(points))
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.divide(total, length, out=np.zeros_like(total), where=length > 0).astype(np.float32)

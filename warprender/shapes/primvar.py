@@ -9,9 +9,9 @@ import warp as wp
 
 from ..records import DeviceScene, PrimvarRecord, Surface
 
-#: Interpolations in the order of their ids on the device. `varying` is stored as `vertex`: they differ only
-#: under subdivision, which happens before a mesh gets here.
-INTERPOLATIONS = ("constant", "uniform", "vertex", "faceVarying")
+#: Interpolations in the order of their ids on the device. `varying` goes there as `vertex`: they differ only
+#: under subdivision and along curves, which become meshes before.
+INTERPOLATIONS = ("constant", "uniform", "vertex", "faceVarying", "instance")
 
 
 @dataclass
@@ -20,8 +20,9 @@ class Primvar:
 
     Attributes:
         values: (K, C) float32, C from 1 to 4 components.
-        interpolation: one of `INTERPOLATIONS`. K is 1 (constant), the number of faces (uniform), of points
-            (vertex), or of corners in `faceVertexIndices` order (faceVarying), unless `indices` is given.
+        interpolation: one of `INTERPOLATIONS` or `varying`. K is 1 (constant), the number of faces (uniform), of points
+            (vertex), or of corners in `faceVertexIndices` order (faceVarying), unless `indices` is given. `instance`
+            has a value for each copy under an instancer: instance id i takes number i modulo K.
         indices: (K,) int32 or None; with it, element k has the value `values[indices[k]]`.
     """
 
@@ -32,9 +33,7 @@ class Primvar:
     def __post_init__(self) -> None:
         values = np.ascontiguousarray(self.values, np.float32)
         self.values = values.reshape(len(values), -1) if values.ndim != 2 else values
-        if self.interpolation == "varying":
-            self.interpolation = "vertex"
-        if self.interpolation not in INTERPOLATIONS:
+        if self.interpolation not in (*INTERPOLATIONS, "varying"):
             raise ValueError(f"interpolation {self.interpolation!r} is not one of {', '.join(INTERPOLATIONS)}")
         if self.indices is not None:
             self.indices = np.ascontiguousarray(self.indices, np.int32)
@@ -50,7 +49,7 @@ class Primvar:
     def upload(self, corners: np.ndarray, device: str) -> PrimvarRecord:
         """The device's record of it, for triangles whose vertices are the authored face corners (T, 3)."""
         record = PrimvarRecord()
-        record.interpolation = INTERPOLATIONS.index(self.interpolation)
+        record.interpolation = INTERPOLATIONS.index("vertex" if self.interpolation == "varying" else self.interpolation)
         record.width = self.values.shape[1]
         values = self.values
         if self.interpolation == "faceVarying":
@@ -106,6 +105,9 @@ def primvar_at(scene: DeviceScene, surface: Surface, slot: int, fallback: wp.vec
         return fallback
     if interpolation == 0:
         return value_at(scene.primvars[index], 0)
+    if interpolation == 4:
+        count = scene.primvars[index].values.shape[0] / scene.primvars[index].width
+        return value_at(scene.primvars[index], scene.instances[surface.hit.instance].instance_id % count)
     triangle = surface.hit.face
     vertices = wp.vec3i(
         scene.geometries[surface.geometry].indices[3 * triangle],

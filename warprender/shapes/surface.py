@@ -6,13 +6,13 @@ from functools import cache
 
 import warp as wp
 
-from ..numerics import is_finite, safe_normalize, transformed_point_error
+from ..numerics import is_finite, place_point, safe_normalize
 from ..records import DeviceScene, Hit, InstanceRecord, Ray, Surface
 from .local_surface import LocalSurface
 from .mesh import mesh_surface
 from .sphere import sphere_surface
 
-#: A shading normal is bent until it is at least this much turned to the viewer (its cosine).
+#: A shading normal that turns away more than the surface itself is bent back to this cosine.
 _SMALLEST_COSINE = wp.constant(wp.float32(0.01))
 
 
@@ -31,7 +31,7 @@ def face_viewer(normal: wp.vec3, geometric: wp.vec3, outgoing: wp.vec3) -> wp.ve
     if wp.dot(n, geometric) < 0.0:
         n = -n
     cosine = wp.dot(n, outgoing)
-    if cosine < _SMALLEST_COSINE:
+    if cosine < _SMALLEST_COSINE and cosine < wp.dot(geometric, outgoing):
         n = wp.normalize(n + outgoing * (_SMALLEST_COSINE - cosine))
     return n
 
@@ -43,8 +43,10 @@ def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surfac
     surface = Surface()
     surface.hit = hit
     surface.geometry = instance.geometry
-    surface.position = instance.linear * local.position + instance.translation
-    surface.error = transformed_point_error(instance.linear, instance.translation, local.position, local.error)
+    placed = scene.world.instances[hit.instance]
+    position, error = place_point(placed.to_world, placed.to_object, local.position, local.error)
+    surface.position = position
+    surface.error = error
     surface.outgoing = -safe_normalize(ray.direction)
     cotangent = wp.transpose(instance.inverse)
     n = safe_normalize(cotangent * local.geometric_normal)

@@ -36,16 +36,22 @@ def read_cameras(reading: Reading) -> None:
 def read_camera(reading: Reading, schema: UsdGeom.Camera, cache: UsdGeom.XformCache) -> Camera:
     """One camera prim."""
     prim = schema.GetPrim()
-    camera = Camera(
+    return Camera(
         projection=str(reading.get(schema.GetProjectionAttr())),
         clippingRange=tuple(map(float, reading.get(schema.GetClippingRangeAttr()))),
+        clippingPlanes=_clipping_planes(reading, schema),
         exposureScale=_exposure_scale(reading, schema),
         transform=np.array(cache.GetLocalToWorldTransform(prim), np.float64),
         **{name: float(reading.get(prim.GetAttribute(name))) for name in NUMBERS},
     )
-    if reading.get(schema.GetClippingPlanesAttr()):
-        reading.remark(prim, "clippingPlanes are not drawn yet")
-    return camera
+
+
+def _clipping_planes(reading: Reading, schema: UsdGeom.Camera) -> tuple[tuple[float, ...], ...]:
+    planes = np.array(reading.get(schema.GetClippingPlanesAttr()) or [], np.float64).reshape(-1, 4)
+    finite = np.isfinite(planes).all(1)
+    if not finite.all():
+        reading.remark(schema.GetPrim(), f"{np.sum(~finite)} clippingPlanes are not finite and cut nothing")
+    return tuple(map(tuple, planes[finite].tolist()))
 
 
 def _exposure_scale(reading: Reading, schema: UsdGeom.Camera) -> float:

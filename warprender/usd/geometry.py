@@ -1,59 +1,27 @@
-"""UsdGeomMesh and UsdGeomSphere as shapes."""
+"""UsdGeomMesh and UsdGeomTetMesh as shapes."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from ..shapes import Mesh, Primvar, Sphere
+from ..shapes import Mesh, Primvar
 from ..shapes.normals import vertex_normals
-from .primvars import SINGLE, checked, read_primvar, read_primvars
+from ..shapes.subdivision.cage import SCHEMES
+from .primvars import read_builtin, read_primvars
 from .reading import Reading
+from .skeletons import posed_normals, posed_points
+from .subdivided import is_left_handed, subdivide
+from .topology import Topology, checked_topology, read_topology
 
 #: Schemes whose authored normals USD ignores and whose cage shades smoothly.
 SMOOTH_SCHEMES = ("catmullClark", "loop")
 
 
-@dataclass
-class Topology:
-    """Faces of a mesh that are safe to index with.
-
-    Attributes:
-        counts: (F,) int64 corners of each face.
-        indices: (sum of counts,) int64 points of the corners, all in range.
-        holes: faces that are not drawn, authored or broken.
-    """
-
-    counts: np.ndarray
-    indices: np.ndarray
-    holes: np.ndarray
-
-    def sizes(self, points: int) -> dict[str, int]:
-        """Number of primvar elements by interpolation."""
-        return {
-            "constant": 1,
-            "uniform": len(self.counts),
-            "vertex": points,
-            "varying": points,
-            "faceVarying": len(self.indices),
-        }
-
-
-def read_sphere(reading: Reading, prim: Usd.Prim) -> Sphere | None:
-    """A sphere prim, or None where there is nothing to draw."""
-    radius = float(reading.get(UsdGeom.Sphere(prim).GetRadiusAttr()))
-    if not np.isfinite(radius):
-        reading.remark(prim, f"radius is {radius}; it is not drawn")
-        return None
-    return Sphere(radius, read_primvars(reading, prim, SINGLE)) if radius > 0 else None
-
-
 def read_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
     """A mesh prim, or None where there is nothing to draw."""
     schema = UsdGeom.Mesh(prim)
-    points = _read_points(reading, schema)
+    points = read_points(reading, schema)
     if points is None:
         return None
     topology = read_topology(reading, schema, points)
@@ -62,25 +30,77 @@ def read_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
     if not len(points):
         reading.remark(prim, "it has faces but no points")
         return None
+    points = np.nan_to_num(points, nan=0.0, posinf=0.0, neginf=0.0)
+    skin, moved = reading.skins.get(str(prim.GetPath())), None
+    if skin:
+        points, moved = posed_points(reading, skin, points)
+    primvars = read_primvars(reading, prim, topology.sizes(len(points)))
+    mesh = None
+    if reading.level > 0 and reading.get(schema.GetSubdivisionSchemeAttr()) in SCHEMES:
+        mesh = subdivide(reading, schema, topology, points, primvars)
+    if mesh is None:
+        mesh = _read_cage(reading, schema, topology, points.astype(np.float32), primvars)
+        if mesh.normals and moved is not None and not is_smooth(reading, schema):
+            mesh.normals = posed_normals(mesh.normals, moved, topology.indices)
+    mesh.double_sided = bool(reading.get(schema.GetDoubleSidedAttr()))
+    return mesh if len(mesh.triangles) else None
+
+
+def read_tet_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
+    """The surface of a tetrahedral mesh, as authored or computed, or None where there is nothing to draw."""
+    schema = UsdGeom.TetMesh(prim)
+    points = read_points(reading, schema)
+    surface = reading.get(schema.GetSurfaceFaceVertexIndicesAttr())
+    if not surface and reading.get(schema.GetTetVertexIndicesAttr()):
+        surface = UsdGeom.TetMesh.ComputeSurfaceFaces(schema, reading.time)
+    if points is None or not len(points) or not surface:
+        return None
+    triangles = np.array(surface, np.int64).reshape(-1, 3)
+    none = np.zeros(0, np.int64)
+    counts = np.full(len(triangles), 3)
+    topology = checked_topology(reading, prim, points, counts, triangles.reshape(-1), none)
+    sizes = topology.sizes(len(points))
     mesh = Mesh.from_polygons(
         np.nan_to_num(points, nan=0.0, posinf=0.0, neginf=0.0),
         topology.counts,
         topology.indices,
         left_handed=reading.get(schema.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded,
-        hole_faces=topology.holes,
-        primvars=read_primvars(reading, prim, topology.sizes(len(points))),
-        double_sided=bool(reading.get(schema.GetDoubleSidedAttr())),
+        hole_faces=topology.broken,
+        normals=read_builtin(reading, prim, "normals", sizes, 3),
+        primvars=read_primvars(reading, prim, sizes),
     )
-    if not len(mesh.triangles):
-        return None
-    if reading.get(schema.GetSubdivisionSchemeAttr()) in SMOOTH_SCHEMES:
+    return mesh if len(mesh.triangles) else None
+
+
+def _read_cage(
+    reading: Reading,
+    schema: UsdGeom.Mesh,
+    topology: Topology,
+    points: np.ndarray,
+    primvars: dict[str, Primvar],
+) -> Mesh:
+    """The polygons as they are, smoothly shaded where they are a cage."""
+    mesh = Mesh.from_polygons(
+        points,
+        topology.counts,
+        topology.indices,
+        left_handed=is_left_handed(reading, schema),
+        hole_faces=np.concatenate([topology.holes, topology.broken]),
+        primvars=primvars,
+    )
+    if is_smooth(reading, schema):
         mesh.normals = Primvar(vertex_normals(mesh.points, mesh.triangles), "vertex")
     else:
-        mesh.normals = _authored_normals(reading, schema, topology.sizes(len(points)))
+        mesh.normals = read_builtin(reading, schema.GetPrim(), "normals", topology.sizes(len(points)), 3)
     return mesh
 
 
-def _read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray | None:
+def is_smooth(reading: Reading, schema: UsdGeom.Mesh) -> bool:
+    """Whether the cage stands for a smooth surface."""
+    return reading.get(schema.GetSubdivisionSchemeAttr()) in SMOOTH_SCHEMES
+
+
+def read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray | None:
     """(N, 3) float32; None, with a remark, where the attribute holds something that is no list of points."""
     value = reading.get(schema.GetPointsAttr())
     points = np.asarray(value) if value is not None else np.zeros((0, 3))
@@ -88,44 +108,3 @@ def _read_points(reading: Reading, schema: UsdGeom.PointBased) -> np.ndarray | N
         return points.astype(np.float32)
     reading.remark(schema.GetPrim(), f"points holds no list of points but a {type(value).__name__}")
     return None
-
-
-def read_topology(reading: Reading, schema: UsdGeom.Mesh, points: np.ndarray) -> Topology:
-    """The faces of a mesh, with the broken ones among its holes so that primvars keep their places."""
-    prim = schema.GetPrim()
-    counts = np.array(reading.get(schema.GetFaceVertexCountsAttr()) or [], np.int64)
-    indices = np.array(reading.get(schema.GetFaceVertexIndicesAttr()) or [], np.int64)
-    holes = np.array(reading.get(schema.GetHoleIndicesAttr()) or [], np.int64)
-    if (counts < 0).any():
-        reading.remark(prim, f"{np.sum(counts < 0)} faceVertexCounts are negative")
-        counts = np.maximum(counts, 0)
-    ends = np.cumsum(counts)
-    if len(counts) and ends[-1] != len(indices):
-        reading.remark(prim, f"faceVertexCounts add up to {ends[-1]}, faceVertexIndices are {len(indices)}")
-        counts = np.where(ends <= len(indices), counts, 0)
-        indices = indices[: counts.sum()]
-
-    outside = (indices < 0) | (indices >= len(points))
-    safe = np.where(outside, 0, indices)
-    broken_points = ~np.isfinite(points).all(1) if len(points) else np.zeros(1, bool)
-    face_of_corner = np.repeat(np.arange(len(counts)), counts)
-    missing = np.unique(face_of_corner[outside])
-    if len(missing) and len(points):
-        reading.remark(prim, f"{len(missing)} faces have indices outside 0…{len(points) - 1}")
-    infinite = np.unique(face_of_corner[broken_points[safe]])
-    if len(infinite):
-        reading.remark(prim, f"{len(infinite)} faces have points that are not finite")
-    return Topology(counts, safe, np.concatenate([holes, missing, infinite]))
-
-
-def _authored_normals(reading: Reading, schema: UsdGeom.Mesh, sizes: dict[str, int]) -> Primvar | None:
-    """`primvars:normals`, else `normals`; None shades flat."""
-    prim = schema.GetPrim()
-    primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("normals")
-    if primvar and primvar.HasValue():
-        return read_primvar(reading, prim, primvar, sizes, 3)
-    values = reading.get(schema.GetNormalsAttr())
-    if values is None or not len(values):
-        return None
-    interpolation = str(schema.GetNormalsInterpolation())
-    return checked(reading, prim, "normals", values, interpolation, None, sizes, 3)

@@ -18,7 +18,7 @@ SINGLE = {name: 1 for name in ("constant", "uniform", "vertex", "varying", "face
 
 
 def read_primvars(reading: Reading, prim: Usd.Prim, sizes: Mapping[str, int]) -> dict[str, Primvar]:
-    """The primvars that shading needs, inherited ones included.
+    """The primvars that shading needs and whose interpolation has a size here, inherited ones included.
 
     Args:
         reading: the reading in progress.
@@ -29,9 +29,10 @@ def read_primvars(reading: Reading, prim: Usd.Prim, sizes: Mapping[str, int]) ->
     api = UsdGeom.PrimvarsAPI(prim)
     for name, components in COMPONENTS.items():
         source = api.FindPrimvarWithInheritance(name)
-        primvar = read_primvar(reading, prim, source, sizes, components) if source else None
-        if primvar is not None:
-            found[name] = primvar
+        if source and str(source.GetInterpolation()) in sizes:
+            primvar = read_primvar(reading, prim, source, sizes, components)
+            if primvar is not None:
+                found[name] = primvar
     return found
 
 
@@ -46,6 +47,24 @@ def read_primvar(
     indices = np.array(indices, np.int64) if indices is not None and len(indices) else None
     name = str(source.GetName())
     return checked(reading, prim, name, value, str(source.GetInterpolation()), indices, sizes, components)
+
+
+def read_builtin(
+    reading: Reading, prim: Usd.Prim, name: str, sizes: Mapping[str, int], components: int
+) -> Primvar | None:
+    """An attribute that counts as a primvar, such as normals or widths; `primvars:name` beats `name`."""
+    primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(name)
+    if primvar and primvar.HasValue():
+        return read_primvar(reading, prim, primvar, sizes, components)
+    attribute = prim.GetAttribute(name)
+    values = reading.get(attribute)
+    if values is None or not np.size(values):
+        return None
+    interpolation = attribute.GetMetadata("interpolation") or "vertex"
+    if np.size(values) == components:
+        # Stages give one width for all and leave the interpolation at its default.
+        interpolation = "constant"
+    return checked(reading, prim, name, values, interpolation, None, sizes, components)
 
 
 def checked(
@@ -84,7 +103,9 @@ def checked(
 
 
 def inherited_from(prim: Usd.Prim) -> tuple[str, ...]:
-    """Paths of the attributes that primvars are inherited from: what may differ between two instances."""
+    """Paths of the attributes that an instance inherits primvars from: what may differ between two instances."""
+    if not prim.IsInstanceProxy():
+        return ()
     api = UsdGeom.PrimvarsAPI(prim)
     paths = []
     for name in COMPONENTS:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from pxr import Tf, Usd, UsdUtils
 
 from ..scene import Scene
 from ..shapes import Mesh, Sphere
 
+if TYPE_CHECKING:
+    from .skeletons import Skin
+
 T = TypeVar("T")
 
 #: A remark made on more prims than this is reported once, with a count.
 LISTED_PRIMS = 3
+
+#: How USD ends a diagnostic of composition: what it was doing, the stage's file once more and an address.
+_CIRCUMSTANCES = re.compile(r" \((?:instantiating|recomposing)[^()]* on stage @.*\)$")
 
 
 @dataclass
@@ -27,7 +34,9 @@ class Reading:
         purposes: purposes that are drawn; "default" is one of them.
         level: subdivision level, 0 draws the cage.
         scene: the scene being filled.
+        draw_modes: whether models may be drawn as boxes, axes or cards.
         shapes: shapes read so far by what determines them, so that instances share one.
+        skins: what poses a mesh, by the mesh's path.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
         remarks: message to the prims that it is about: the path that stands in the scene, by the path of the
             prim itself, which instances share.
@@ -38,8 +47,10 @@ class Reading:
     purposes: frozenset[str]
     level: int = 0
     scene: Scene = field(default_factory=Scene)
+    draw_modes: bool = True
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
     sound_instancers: bool = True
+    skins: dict[str, Skin] = field(default_factory=dict)
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def remark(self, prim: Usd.Prim, message: str) -> None:
@@ -101,4 +112,4 @@ def one_line(message: object) -> str:
     if isinstance(message, Tf.ErrorException):
         parts = str(message).split(" : '", 1)
         message = parts[-1].split("'\n")[0].rstrip("'\n")
-    return " ".join(str(message).split())
+    return _CIRCUMSTANCES.sub("", " ".join(str(message).split()))

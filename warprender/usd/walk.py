@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdShade
 
+from .draw_modes import applies, inherited_mode
 from .instances import Frame, expand
 from .reading import Reading, one_line
 
@@ -25,11 +26,13 @@ class Visit:
         prim: the prim, an instance proxy inside native instances.
         local: (4, 4) float64 transform from the prim to its frame, for row vectors.
         frame: where that frame is drawn.
+        draw_mode: what to draw in place of a model; "default" for the prim itself.
     """
 
     prim: Usd.Prim
     local: np.ndarray
     frame: Frame
+    draw_mode: str = "default"
 
     def transforms(self) -> np.ndarray:
         """(K, 4, 4) float64 prim-to-world."""
@@ -43,8 +46,9 @@ class _Step:
     prim: Usd.Prim
     parent: np.ndarray
     frame: Frame
-    purpose: UsdGeom.Imageable.PurposeInfo | None
-    predicate: object
+    purpose: UsdGeom.Imageable.PurposeInfo | None = None
+    predicate: object = IN_WORLD
+    draw_mode: str = "default"
 
 
 def walk(reading: Reading) -> Iterator[Visit]:
@@ -55,9 +59,7 @@ def walk(reading: Reading) -> Iterator[Visit]:
     """
     cache = UsdGeom.XformCache(reading.time)
     root = reading.stage.GetPseudoRoot()
-    stack = [
-        _Step(child, np.eye(4), Frame.world(), None, IN_WORLD) for child in reversed(root.GetFilteredChildren(IN_WORLD))
-    ]
+    stack = [_Step(child, np.eye(4), Frame.world()) for child in reversed(root.GetFilteredChildren(IN_WORLD))]
     while stack:
         step = stack.pop()
         prim = step.prim
@@ -65,16 +67,21 @@ def walk(reading: Reading) -> Iterator[Visit]:
             continue
         local = _local_transform(reading, cache, step)
         purpose = _purpose(prim, step.purpose)
+        mode = inherited_mode(prim, step.draw_mode) if reading.draw_modes else "default"
+        if mode != "default" and applies(prim):
+            if _is_included(reading, purpose):
+                yield Visit(prim, local, step.frame, mode)
+            continue
         if prim.IsA(UsdGeom.PointInstancer):
             if _is_included(reading, purpose):
                 prototypes = reading.attempt(prim, expand, UsdGeom.PointInstancer(prim), local, step.frame)
                 for prototype, frame in reversed(prototypes or []):
-                    stack.append(_Step(prototype, np.eye(4), frame, purpose, IN_PROTOTYPE))
+                    stack.append(_Step(prototype, np.eye(4), frame, purpose, IN_PROTOTYPE, mode))
             continue
         if _is_drawable(prim) and _is_included(reading, purpose):
             yield Visit(prim, local, step.frame)
         for child in reversed(prim.GetFilteredChildren(step.predicate)):
-            stack.append(_Step(child, local, step.frame, purpose, step.predicate))
+            stack.append(_Step(child, local, step.frame, purpose, step.predicate, mode))
 
 
 def _is_drawable(prim: Usd.Prim) -> bool:
@@ -112,4 +119,5 @@ def _local_transform(reading: Reading, cache: UsdGeom.XformCache, step: _Step) -
         reading.remark(step.prim, f"its transform is ignored: {one_line(error)}")
         return step.parent
     matrix = np.array(matrix, np.float64)
-    return matrix if resets else matrix @ step.parent
+    with np.errstate(invalid="ignore"):
+        return matrix if resets else matrix @ step.parent

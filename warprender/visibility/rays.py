@@ -1,118 +1,429 @@
-"""Rays against a scene: closest hit, any hit, over a tree of instances and Warp's mesh queries.
+"""Rays against triangles: watertight, and as Warp has it.
 
-`wp.mesh_query_ray` may miss at edges and vertices (0.5 % and 1.7 % of the rays that are aimed at them).
+``RayCaster`` is the batch interface. ``scene_closest`` and ``scene_occluded`` are the same walk for use inside
+kernels, over a ``World`` of instances (see ``trees.WorldTree``).
 """
 
-from __future__ import annotations
+import warnings
+from collections import namedtuple
 
-from functools import cache
-
+import numpy as np
 import warp as wp
 
-from ..numerics import GAMMA_7, INFINITY, max_component
-from ..records import DeviceScene, Hit, Ray
-from ..shapes.sphere import intersect_sphere
-from ..shapes.surface import object_origin
+from ..launch import launch
+from ..records import DeviceScene, Hit, Ray, World
+from . import native
+from .trees import MeshTree, WorldTree
+
+Hits = namedtuple("Hits", ("t", "face", "u", "v"))
+
+_scene_closest, _scene_occluded = native.scene_functions()
 
 
 @wp.func
 def miss() -> Hit:
-    """The record of a ray that hits nothing."""
+    """The hit of a ray that meets nothing."""
     hit = Hit()
-    hit.t = INFINITY
+    hit.t = wp.inf
     hit.instance = -1
     hit.face = -1
     return hit
 
 
-@cache
+@wp.func
+def scene_closest_after(world: World, ray: Ray, after: Hit) -> Hit:
+    """The first hit strictly after another in the order of (t, instance, face), for cut-outs and stacked surfaces."""
+    bits = _scene_closest(world, ray.origin, ray.direction, ray.t_max, after.t, after.instance, after.face)
+    hit = Hit()
+    hit.t = wp.cast(bits[0], wp.float32)
+    hit.instance = bits[1]
+    hit.face = bits[2]
+    hit.u = wp.cast(bits[3], wp.float32)
+    hit.v = wp.cast(bits[4], wp.float32)
+    return hit
+
+
+@wp.func
+def scene_closest(world: World, ray: Ray) -> Hit:
+    """The hit with the smallest (t, instance, face), ``0 <= t < ray.t_max``; watertight."""
+    start = Hit()
+    start.t = -1.0
+    start.instance = -1
+    start.face = -1
+    return scene_closest_after(world, ray, start)
+
+
+@wp.func
+def scene_occluded(world: World, ray: Ray) -> bool:
+    """Whether anything is hit at ``0 <= t < ray.t_max``; watertight."""
+    return _scene_occluded(world, ray.origin, ray.direction, ray.t_max)
+
+
 def closest_function(shapes: tuple[str, ...]) -> wp.Function:
-    """`closest(scene, ray) -> Hit` over these kinds of shapes, by class name."""
-    with_spheres, with_meshes = "Sphere" in shapes, "Mesh" in shapes
-
-    @wp.func
-    def closest(scene: DeviceScene, ray: Ray) -> Hit:
-        best = miss()
-        best.t = ray.t_max
-        if scene.instances.shape[0] == 0:
-            best.t = INFINITY
-            return best
-        query = wp.bvh_query_ray(scene.tree, ray.origin, ray.direction)
-        index = wp.int32(0)
-        while wp.bvh_query_next(query, index, best.t):
-            geometry = scene.instances[index].geometry
-            origin = object_origin(scene.instances[index], ray.origin)
-            direction = scene.instances[index].inverse * ray.direction
-            if wp.static(with_spheres):
-                if scene.geometries[geometry].kind == 1:
-                    roots = intersect_sphere(scene.geometries[geometry].radius, origin, direction)
-                    t = wp.where(roots[0] >= 0.0, roots[0], roots[1])
-                    if t >= 0.0 and t < best.t:
-                        best.t = t
-                        best.instance = index
-                        best.face = 0
-            if wp.static(with_meshes):
-                if scene.geometries[geometry].kind == 0:
-                    found = wp.mesh_query_ray(scene.geometries[geometry].mesh, origin, direction, best.t)
-                    if found.result and found.t < best.t:
-                        best.t = found.t
-                        best.instance = index
-                        best.face = found.face
-                        # Warp's u and v weigh vertices 0 and 1, ours 1 and 2.
-                        best.u = found.v
-                        best.v = 1.0 - found.u - found.v
-        if best.instance < 0:
-            best.t = INFINITY
-        return best
-
+    """`closest(scene, ray) -> Hit`."""
     return closest
 
 
-@cache
+def closest_after_function(shapes: tuple[str, ...]) -> wp.Function:
+    """`closest_after(scene, ray, hit) -> Hit`."""
+    return closest_after
+
+
 def occluded_function(shapes: tuple[str, ...]) -> wp.Function:
-    """`occluded(scene, ray) -> bool` over these kinds of shapes, by class name."""
-    with_spheres, with_meshes = "Sphere" in shapes, "Mesh" in shapes
-
-    @wp.func
-    def occluded(scene: DeviceScene, ray: Ray) -> bool:
-        if scene.instances.shape[0] == 0:
-            return False
-        query = wp.bvh_query_ray(scene.tree, ray.origin, ray.direction)
-        index = wp.int32(0)
-        while wp.bvh_query_next(query, index, ray.t_max):
-            geometry = scene.instances[index].geometry
-            origin = object_origin(scene.instances[index], ray.origin)
-            direction = scene.instances[index].inverse * ray.direction
-            if wp.static(with_spheres):
-                if scene.geometries[geometry].kind == 1:
-                    roots = intersect_sphere(scene.geometries[geometry].radius, origin, direction)
-                    t = wp.where(roots[0] >= 0.0, roots[0], roots[1])
-                    if t >= 0.0 and t < ray.t_max:
-                        return True
-            if wp.static(with_meshes):
-                if scene.geometries[geometry].kind == 0:
-                    mesh = scene.geometries[geometry].mesh
-                    if wp.mesh_query_ray_anyhit(mesh, origin, direction, ray.t_max):
-                        return True
-        return False
-
+    """`occluded(scene, ray) -> bool`."""
     return occluded
 
 
-@cache
-def closest_after_function(shapes: tuple[str, ...]) -> wp.Function:
-    """`closest_after(scene, ray, hit) -> Hit`: the next hit of the same ray behind `hit`."""
-    closest = closest_function(shapes)
+@wp.func
+def closest(scene: DeviceScene, ray: Ray) -> Hit:
+    """What the ray meets first; see `scene_closest`."""
+    return scene_closest(scene.world, ray)
 
-    @wp.func
-    def closest_after(scene: DeviceScene, ray: Ray, hit: Hit) -> Hit:
-        start = hit.t + (hit.t + max_component(wp.abs(ray.origin))) * (2.0 * GAMMA_7)
-        rest = Ray()
-        rest.origin = ray.origin + ray.direction * start
-        rest.direction = ray.direction
-        rest.t_max = ray.t_max - start
-        following = closest(scene, rest)
-        following.t += start
-        return following
 
-    return closest_after
+@wp.func
+def closest_after(scene: DeviceScene, ray: Ray, hit: Hit) -> Hit:
+    """What the ray meets next behind `hit`; see `scene_closest_after`."""
+    return scene_closest_after(scene.world, ray, hit)
+
+
+@wp.func
+def occluded(scene: DeviceScene, ray: Ray) -> bool:
+    """Whether the ray meets anything; see `scene_occluded`."""
+    return scene_occluded(scene.world, ray)
+
+
+class RayCaster:
+    """Closest and any hits of rays with one triangle mesh.
+
+    ``accuracy="watertight"``: no ray slips between two triangles that share an edge or a vertex, at any scale or
+    position (Woop, Benthin, Wald 2013; Ize 2013). Among equal t the smallest face id is reported, whatever the tree.
+    Rays that run nearly alike share one walk; others take turns.
+
+    ``accuracy="fast"`` is ``wp.mesh_query_ray`` as it comes. It leaks: of 4.86 million rays aimed at vertices of
+    closed meshes 80,365 escape (1.7 %), of as many aimed at edges 23,577 (0.5 %), of random ones none; and it may
+    report the outer of two nested shells. On the CPU it is also the slower of the two.
+
+    Args:
+        points: (N, 3) float32 vertices; numpy, or a wp.array of wp.vec3, which is used in place.
+        indices: (F, 3) or (3 F,) ints.
+        accuracy: "watertight" or "fast".
+        device: Warp device, default that of ``points`` or the current one.
+        threads: CPU threads, default all cores.
+
+    Attributes:
+        dropped_faces: Faces left out because a vertex is repeated or not finite. Ids of the others do not change.
+
+    Raises:
+        ValueError: Wrong shapes, an index out of range, an index count that is no multiple of 3.
+    """
+
+    def __init__(self, points, indices, accuracy="watertight", device=None, threads=None):
+        if accuracy not in ("watertight", "fast"):
+            raise ValueError(f'accuracy must be "watertight" or "fast", not {accuracy!r}')
+        if accuracy == "watertight" and not native.SUPPORTED:
+            warnings.warn(
+                f"Warp {wp.__version__} is not the version that watertight rays were checked with: "
+                "using wp.mesh_query_ray, which leaks at edges and vertices",
+                stacklevel=2,
+            )
+            accuracy = "fast"
+        self.accuracy = accuracy
+        self.device = points.device if isinstance(points, wp.array) and device is None else wp.get_device(device)
+        self.threads = threads
+        self._source = points
+        self.points = _vectors(points, "points", self.device)
+        self.indices = _face_indices(indices, len(self.points), self.device)
+        self._build()
+
+    @property
+    def dropped_faces(self) -> int:
+        """Faces left out because a vertex is repeated or not finite, as of the last build or refit."""
+        return self._tree.dropped
+
+    def closest(self, origins, directions, t_max=np.inf, after=None) -> Hits:
+        """The first hit of each ray.
+
+        Args:
+            origins: (N, 3) float32, numpy or wp.array.
+            directions: (N, 3) float32 of any length but zero. Rays with a zero or non-finite direction or origin
+                miss.
+            t_max: Scalar or (N,): only ``0 <= t < t_max`` counts.
+            after: Hits of an earlier call: report what follows each of them in the order of (t, face). Watertight
+                only.
+
+        Returns:
+            Named tuple of wp.arrays (N,): ``t`` float32 in units of the direction's length, inf on a miss; ``face``
+            int32, -1 on a miss; ``u`` and ``v`` float32, the weights of the face's vertices 1 and 2.
+
+        Raises:
+            ValueError: Shapes that do not match, or ``after`` with ``accuracy="fast"``.
+        """
+        rays = self._rays(origins, directions, t_max)
+        count = len(rays[0])
+        hits = Hits(*(wp.empty(count, dtype=d, device=self.device) for d in (float, wp.int32, float, float)))
+        if after is not None and self.accuracy == "fast":
+            raise ValueError('after needs accuracy="watertight"')
+        self._launch(_CLOSEST, rays + self._after(after, count), hits)
+        return hits
+
+    def occluded(self, origins, directions, t_max=np.inf) -> wp.array:
+        """Whether each ray hits anything.
+
+        Args:
+            origins: As for ``closest``.
+            directions: As for ``closest``.
+            t_max: As for ``closest``.
+
+        Returns:
+            wp.array (N,) of bool.
+        """
+        rays = self._rays(origins, directions, t_max)
+        out = wp.empty(len(rays[0]), dtype=wp.bool, device=self.device)
+        self._launch(_OCCLUDED, rays + self._after(None, 1), [out])
+        return out
+
+    def refit(self):
+        """Follow points that were changed in place; builds again when that pays."""
+        fresh = _vectors(self._source, "points", self.device)
+        if fresh.ptr != self.points.ptr:
+            self.points.assign(fresh)
+        self._tree.refit()
+        self._place()
+
+    def _build(self):
+        wide = self.device.is_cpu and self.accuracy == "watertight"
+        self._tree = MeshTree(self.points, self.indices, wide=wide, threads=self.threads)
+        self._place()
+
+    def _place(self):
+        if self.accuracy == "watertight" and not self.device.is_cpu:
+            self._world = WorldTree([self._tree], [0], np.eye(4)[None], self.device)
+
+    def _rays(self, origins, directions, t_max):
+        origins = _vectors(origins, "origins", self.device)
+        directions = _vectors(directions, "directions", self.device)
+        if len(origins) != len(directions):
+            raise ValueError(f"{len(origins)} origins, but {len(directions)} directions")
+        return [origins, directions, _per_ray(t_max, "t_max", wp.float32, len(origins), self.device)]
+
+    def _after(self, after, count):
+        t, face = (-1.0, -1) if after is None else (after.t, after.face)
+        return [
+            _per_ray(t, "after.t", wp.float32, count, self.device),
+            _per_ray(face, "after.face", wp.int32, count, self.device),
+        ]
+
+    def _launch(self, kernels, rays, outputs):
+        count = len(rays[0])
+        if self.accuracy == "fast":
+            if self._tree.mesh is None:
+                _fill_misses(outputs)
+            else:
+                inputs = [self._tree.mesh.id, self._tree.scale, *rays[:3]]
+                launch(kernels.fast, count, [*inputs, *outputs], self.device, self.threads)
+        elif not self.device.is_cpu:
+            launch(kernels.cuda, count, [self._world.world, *rays, *outputs], self.device)
+        elif (record := self._tree.geometry()).nodes == 0:
+            _fill_misses(outputs)
+        else:
+            items = -(-count // native.RAYS_PER_ITEM)
+            inputs = [count, record.nodes, record.blocks, self._tree.scale, *rays]
+            launch(kernels.wide, items, [*inputs, *outputs], self.device, self.threads, smallest_chunk=4)
+
+
+# ---------------------------------------------------------------- arguments
+
+
+def _vectors(values, name, device):
+    """(N,) wp.vec3 on the device; a view of what is given wherever possible."""
+    if isinstance(values, wp.array):
+        if values.dtype == wp.vec3 and values.ndim == 1:
+            return values.to(device).contiguous()
+        if values.dtype == wp.float32 and values.ndim == 2 and values.shape[1] == 3:
+            return values.to(device).contiguous().view(wp.vec3).flatten()
+        raise ValueError(f"{name} must be (N, 3) float32 or (N,) wp.vec3, not {values.shape} {values.dtype.__name__}")
+    values = np.ascontiguousarray(values, np.float32)
+    if values.size == 0:
+        return wp.empty(0, dtype=wp.vec3, device=device)
+    if values.ndim != 2 or values.shape[1] != 3:
+        raise ValueError(f"{name} must have shape (N, 3), not {values.shape}")
+    return wp.array(values, dtype=wp.vec3, device=device, copy=False)
+
+
+def _face_indices(indices, vertices, device):
+    """(3 F,) wp.int32 on the device, all in range."""
+    host = indices.numpy() if isinstance(indices, wp.array) else np.asarray(indices)
+    if host.size == 0:
+        return wp.empty(0, dtype=wp.int32, device=device)
+    if not np.issubdtype(host.dtype, np.integer):
+        raise ValueError(f"indices must be integers, not {host.dtype}")
+    if host.size % 3 or (host.ndim > 1 and host.shape[-1] != 3):
+        raise ValueError(f"indices must be (F, 3) or a multiple of 3 in a row, not {host.shape}")
+    low, high = int(host.min()), int(host.max())
+    if low < 0 or high >= vertices:
+        raise ValueError(f"index {low if low < 0 else high} is out of range: there are {vertices} points")
+    if isinstance(indices, wp.array) and indices.dtype == wp.int32:
+        return indices.to(device).contiguous().flatten()
+    return wp.array(np.ascontiguousarray(host, np.int32).reshape(-1), dtype=wp.int32, device=device)
+
+
+def _per_ray(values, name, dtype, count, device):
+    """(count,) or, for a scalar, (1,) of the given type."""
+    if isinstance(values, wp.array):
+        values = values.to(device).contiguous()
+        if values.shape == (count,) and values.dtype == dtype:
+            return values
+        raise ValueError(f"{name} must be a scalar or ({count},) {dtype.__name__}, not {values.shape}")
+    host = np.asarray(values, np.float32 if dtype == wp.float32 else np.int32)
+    if host.ndim == 0:
+        host = host.reshape(1)
+    elif host.shape != (count,):
+        raise ValueError(f"{name} must be a scalar or have shape ({count},), not {host.shape}")
+    return wp.array(host, dtype=dtype, device=device)
+
+
+def _fill_misses(outputs):
+    for out in outputs:
+        out.zero_()
+    if isinstance(outputs, Hits):
+        outputs.t.fill_(np.inf)
+        outputs.face.fill_(-1)
+
+
+# ---------------------------------------------------------------- kernels
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _closest_wide(
+    first: wp.int32,
+    count: wp.int32,
+    nodes: wp.uint64,
+    blocks: wp.uint64,
+    scale: wp.float32,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    t_max: wp.array(dtype=wp.float32),
+    t_after: wp.array(dtype=wp.float32),
+    face_after: wp.array(dtype=wp.int32),
+    t: wp.array(dtype=wp.float32),
+    face: wp.array(dtype=wp.int32),
+    u: wp.array(dtype=wp.float32),
+    v: wp.array(dtype=wp.float32),
+):
+    begin = (first + wp.tid()) * wp.static(native.RAYS_PER_ITEM)
+    end = wp.min(begin + wp.static(native.RAYS_PER_ITEM), count)
+    native.closest_batch(
+        nodes, blocks, scale, origins, directions, t_max, t_after, face_after, begin, end, t, face, u, v
+    )
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _occluded_wide(
+    first: wp.int32,
+    count: wp.int32,
+    nodes: wp.uint64,
+    blocks: wp.uint64,
+    scale: wp.float32,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    t_max: wp.array(dtype=wp.float32),
+    t_after: wp.array(dtype=wp.float32),
+    face_after: wp.array(dtype=wp.int32),
+    occluded: wp.array(dtype=wp.bool),
+):
+    begin = (first + wp.tid()) * wp.static(native.RAYS_PER_ITEM)
+    end = wp.min(begin + wp.static(native.RAYS_PER_ITEM), count)
+    native.occluded_batch(nodes, blocks, scale, origins, directions, t_max, t_after, face_after, begin, end, occluded)
+
+
+@wp.func
+def _own(values: wp.array(dtype=wp.float32), i: wp.int32) -> wp.float32:
+    if values.shape[0] == 1:
+        return values[0]
+    return values[i]
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _closest_cuda(
+    first: wp.int32,
+    world: World,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    t_max: wp.array(dtype=wp.float32),
+    t_after: wp.array(dtype=wp.float32),
+    face_after: wp.array(dtype=wp.int32),
+    t: wp.array(dtype=wp.float32),
+    face: wp.array(dtype=wp.int32),
+    u: wp.array(dtype=wp.float32),
+    v: wp.array(dtype=wp.float32),
+):
+    i = first + wp.tid()
+    after = Hit()
+    after.t = _own(t_after, i)
+    after.face = face_after[wp.min(i, face_after.shape[0] - 1)]
+    hit = scene_closest_after(world, Ray(origins[i], directions[i], _own(t_max, i)), after)
+    t[i] = hit.t
+    face[i] = hit.face
+    u[i] = hit.u
+    v[i] = hit.v
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _occluded_cuda(
+    first: wp.int32,
+    world: World,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    t_max: wp.array(dtype=wp.float32),
+    t_after: wp.array(dtype=wp.float32),
+    face_after: wp.array(dtype=wp.int32),
+    occluded: wp.array(dtype=wp.bool),
+):
+    i = first + wp.tid()
+    occluded[i] = scene_occluded(world, Ray(origins[i], directions[i], _own(t_max, i)))
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _closest_fast(
+    first: wp.int32,
+    mesh: wp.uint64,
+    scale: wp.float32,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    t_max: wp.array(dtype=wp.float32),
+    t: wp.array(dtype=wp.float32),
+    face: wp.array(dtype=wp.int32),
+    u: wp.array(dtype=wp.float32),
+    v: wp.array(dtype=wp.float32),
+):
+    i = first + wp.tid()
+    t[i] = wp.inf
+    face[i] = -1
+    u[i] = 0.0
+    v[i] = 0.0
+    query = wp.mesh_query_ray(mesh, origins[i] * scale, directions[i] * scale, _own(t_max, i))
+    if query.result:
+        t[i] = query.t
+        face[i] = query.face
+        # Warp's u and v weigh vertices 0 and 1
+        u[i] = query.v
+        v[i] = 1.0 - query.u - query.v
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _occluded_fast(
+    first: wp.int32,
+    mesh: wp.uint64,
+    scale: wp.float32,
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    t_max: wp.array(dtype=wp.float32),
+    occluded: wp.array(dtype=wp.bool),
+):
+    i = first + wp.tid()
+    occluded[i] = wp.mesh_query_ray_anyhit(mesh, origins[i] * scale, directions[i] * scale, _own(t_max, i))
+
+
+_Kernels = namedtuple("_Kernels", ("wide", "cuda", "fast"))
+_CLOSEST = _Kernels(_closest_wide, _closest_cuda, _closest_fast)
+_OCCLUDED = _Kernels(_occluded_wide, _occluded_cuda, _occluded_fast)

@@ -1,0 +1,176 @@
+"""Compares pictures with Mitsuba 3 (scalar_rgb), pixel by pixel, in units of their standard errors.
+
+    python tests/mitsuba/compare.py cornell --mitsuba PYTHON > tests/mitsuba/cornell.txt
+    python tests/mitsuba/compare.py lights --mitsuba PYTHON > tests/mitsuba/lights.txt
+
+PYTHON is the interpreter of an environment with `pip install mitsuba`. Both renderers get the same triangles, which
+are read from warprender's own scene. Lambert surfaces only: the other materials of the two are not the same model.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent))
+
+import scenes  # noqa: E402
+
+import warprender as wr  # noqa: E402
+
+
+def cornell() -> wr.Scene:
+    """The Cornell box of `scenes_usd`."""
+    return wr.load(str(HERE.parent.parent / "scenes_usd" / "cornell_box.usda"))
+
+
+def lights() -> wr.Scene:
+    """A smooth mesh and a quadric on a floor, under a sphere light, a distant light and a dome."""
+    scene = wr.Scene()
+    points, faces = scenes.icosphere(4)
+    pose = np.diag([1.0, 0.7, 1.2, 1.0])
+    pose[3, :3] = -1.2, 0.7, 0.0
+    scene.add_mesh("/smooth", points, faces, normals=points, color=(0.8, 0.5, 0.3), pose=pose)
+    scene.add_sphere("/quadric", 1.0, color=(0.3, 0.6, 0.8), pose=(1.2, 1.0, -0.5, 0, 0, 0, 1))
+    floor = np.array([(-6, 0, -6), (-6, 0, 6), (6, 0, 6), (6, 0, -6)])
+    scene.add_mesh("/floor", floor, [[0, 1, 2, 3]], color=(0.6, 0.6, 0.6))
+    scene.add_light(wr.SphereLight(radius=0.4, intensity=20.0, color=(1, 0.8, 0.6)), pose=(0.3, 3.0, 1.5, 0, 0, 0, 1))
+    # Lights of UsdLux occlude nothing, those of Mitsuba do: a black ball inside makes the two alike.
+    scene.add_sphere("/lamp", 0.4 * 0.9999, color=(0, 0, 0), pose=(0.3, 3.0, 1.5, 0, 0, 0, 1))
+    sun = scenes.look_at((3.0, 4.0, -2.0))
+    scene.add_light(wr.DistantLight(intensity=1.5, angle=0.0, color=(0.7, 0.8, 1.0)), pose=sun)
+    scene.add_light(wr.DomeLight(intensity=0.3, color=(0.8, 0.9, 1.0)))
+    scene.add_camera("/camera", scenes.camera((0.5, 2.5, 6.0), (0.0, 0.9, 0.0), fov=45.0))
+    scene.settings.camera = "/camera"
+    return scene
+
+
+def rgb(value) -> dict:
+    """A colour."""
+    return {"type": "rgb", "value": [float(v) for v in value]}
+
+
+def matrix(rows: np.ndarray) -> list:
+    """A row-vector matrix as Mitsuba's column-vector one."""
+    return np.asarray(rows).T.tolist()
+
+
+def write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None) -> None:
+    """A mesh as text with all digits."""
+    names = ["x", "y", "z"] if normals is None else ["x", "y", "z", "nx", "ny", "nz"]
+    rows = points if normals is None else np.concatenate([points, normals], 1)
+    header = ["ply", "format ascii 1.0", f"element vertex {len(points)}", *[f"property float {n}" for n in names]]
+    header += [f"element face {len(triangles)}", "property list uchar int vertex_indices", "end_header"]
+    with open(path, "w") as file:
+        file.write("\n".join(header) + "\n")
+        np.savetxt(file, rows, fmt="%.9g")
+        np.savetxt(file, np.concatenate([np.full((len(triangles), 1), 3), triangles], 1), fmt="%d")
+
+
+def shape(folder: Path, number: int, placement) -> dict:
+    """A placed mesh or sphere with its Lambert colour."""
+    color = placement.shape.primvars["displayColor"].values[0]
+    both_sides = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb(color)}}
+    common = {"to_world": matrix(placement.transforms[0]), "bsdf": both_sides}
+    if isinstance(placement.shape, wr.scene.Sphere):
+        return {"type": "sphere", "radius": placement.shape.radius, **common}
+    mesh = placement.shape
+    smooth = mesh.normals.values if mesh.normals else None
+    path = folder / f"{number}.ply"
+    write_ply(path, np.asarray(mesh.points), mesh.triangles, smooth)
+    return {"type": "ply", "filename": str(path), "face_normals": smooth is None, **common}
+
+
+def emitter(light) -> dict:
+    """A light."""
+    radiance = light.radiance()
+    if isinstance(light, wr.DomeLight):
+        return {"type": "constant", "radiance": rgb(radiance)}
+    if isinstance(light, wr.DistantLight):
+        direction = (-light.local_to_world()[2]).tolist()
+        return {"type": "directional", "direction": direction, "irradiance": rgb(radiance)}
+    glow = {"emitter": {"type": "area", "radiance": rgb(radiance)}}
+    glow["bsdf"] = {"type": "diffuse", "reflectance": rgb((0, 0, 0))}
+    if isinstance(light, wr.SphereLight):
+        return {"type": "sphere", "radius": light.radius, "to_world": matrix(light.transform), **glow}
+    # Mitsuba's rectangle has corners at ±1 and emits to +Z.
+    turned = np.diag([-light.width / 2, light.height / 2, -1.0, 1.0])
+    return {"type": "rectangle", "to_world": matrix(turned @ light.transform), **glow}
+
+
+def sensor(camera: wr.Camera, size: int) -> dict:
+    """The camera; Mitsuba's looks to +Z."""
+    fov = 2 * np.degrees(np.arctan(camera.horizontalAperture / (2 * camera.focalLength)))
+    near, far = camera.clippingRange
+    film = {"type": "hdrfilm", "width": size, "height": size, "pixel_format": "rgb", "component_format": "float32"}
+    return {
+        "type": "perspective",
+        "fov": float(fov),
+        "fov_axis": "x",
+        "near_clip": near,
+        "far_clip": far,
+        "to_world": matrix(np.diag([-1.0, 1.0, -1.0, 1.0]) @ camera.transform),
+        "film": {**film, "rfilter": {"type": "box"}},
+        "sampler": {"type": "independent"},
+    }
+
+
+def main() -> None:
+    """Render twice, compare, print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene", choices=("cornell", "lights"))
+    parser.add_argument("--mitsuba", default=sys.executable, help="Python with Mitsuba")
+    parser.add_argument("--size", type=int, default=256)
+    parser.add_argument("--samples", type=int, default=256)
+    parser.add_argument("--keep", type=Path, help="folder for the pictures")
+    options = parser.parse_args()
+
+    scene = {"cornell": cornell, "lights": lights}[options.scene]()
+    renderer = wr.Renderer(scene, resolution=(options.size, options.size), lights_visible=True)
+    ours = renderer.render(samples=options.samples).numpy("color")[..., :3].astype(np.float64)
+    our_error = renderer.standard_error()
+
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = options.keep or Path(scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        description = {"type": "scene", "sensor": sensor(renderer.camera, options.size)}
+        for number, placement in enumerate(scene.placements.values()):
+            description[f"shape{number}"] = shape(folder, number, placement)
+        for number, light in enumerate(scene.lights.values()):
+            description[f"light{number}"] = emitter(light)
+        (folder / "scene.json").write_text(json.dumps(description))
+        command = [options.mitsuba, str(HERE / "reference.py"), str(folder), str(options.samples)]
+        subprocess.run(command, check=True)
+        reference = np.load(folder / "reference.npz")
+        if options.keep:
+            np.savez(folder / "ours.npz", mean=ours, error=our_error)
+        report(options, ours, our_error, reference["mean"], reference["error"])
+
+
+def report(options, ours, our_error, theirs, their_error) -> None:
+    """The table: z = difference / its standard error, where either renderer saw any spread."""
+    error = np.sqrt(our_error**2 + their_error**2)
+    print(f"{options.scene}, {options.size}x{options.size}, {options.samples} samples a pixel; box filter of one pixel")
+    print("channel  warprender   Mitsuba      ratio    ±        z mean   z std   |z|>3    max |z|")
+    for c, name in enumerate("RGB"):
+        lit = error[..., c] > 1e-6 * np.maximum(theirs[..., c], 1e-6)
+        z = (ours - theirs)[..., c][lit] / error[..., c][lit]
+        a, b = ours[..., c].mean(), theirs[..., c].mean()
+        spread = np.sqrt((error[..., c] ** 2).sum()) / error[..., c].size / b
+        share = (np.abs(z) > 3).mean()
+        print(
+            f"{name:7}  {a:.7f}    {b:.7f}    {a / b:.5f}  {spread:.5f}  {z.mean():+.4f}  {z.std():.4f}  "
+            f"{share:.5f}  {np.abs(z).max():.2f}"
+        )
+    print("A standard normal z has mean 0, deviation 1 and 0.00270 beyond 3.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""A file imports only from lower levels, and `pxr` is imported at the edges alone: CONTRIBUTING.md, "Levels"."""
+
+import ast
+from pathlib import Path
+
+import warprender
+
+PACKAGE = Path(warprender.__file__).parent
+
+#: Files and folders of the package by level.
+LEVELS = (
+    {"numerics", "sampling", "color", "launch"},
+    {"records", "images"},
+    {"textures"},
+    {"materials", "lights", "shapes", "camera", "outputs"},
+    {"scene"},
+    {"plan", "framing"},
+    {"visibility", "film"},
+    {"integrators", "upload", "receipt"},
+    {"frame", "renderer"},
+    {"usd", "cli"},
+    {"__init__", "__main__"},
+)
+LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
+
+#: Neighbours on one level of which the first needs the second.
+NEIGHBOURS = {("sampling", "numerics"), ("materials", "shapes"), ("renderer", "frame"), ("__main__", "__init__")}
+EDGES = {"usd", "cli"}
+
+
+def imports(file):
+    """Top-level parts of the package that a file imports from, and "pxr"."""
+    parts = file.relative_to(PACKAGE).with_suffix("").parts
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = parts[: len(parts) - node.level]
+            for target in [node.module] if node.module else [alias.name for alias in node.names]:
+                yield (*base, *target.split("."))[0]
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module.split(".")[0]
+        elif isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+
+
+def test_every_part_has_a_level():
+    parts = {path.stem for path in PACKAGE.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()}
+    assert parts <= set(LEVEL)
+
+
+def test_imports_go_down():
+    wrong = []
+    for file in sorted(PACKAGE.rglob("*.py")):
+        part = file.relative_to(PACKAGE).with_suffix("").parts[0]
+        for target in set(imports(file)) - {part}:
+            if target == "warprender":
+                wrong.append(f"{file.name} imports warprender by name")
+            if target == "pxr" and part not in EDGES:
+                wrong.append(f"{file.name} imports pxr")
+            if target in LEVEL and LEVEL[target] >= LEVEL[part] and (part, target) not in NEIGHBOURS:
+                wrong.append(f"{part}/{file.name} imports {target}")
+    assert not wrong

@@ -1,0 +1,154 @@
+"""UsdSkel: meshes posed by their skeletons, blend shapes before skinning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom, UsdSkel
+
+from ..shapes import Primvar
+from ..shapes.skinning import (
+    Influences,
+    blended,
+    dual_quaternion_blended,
+    transformed_normals,
+    transformed_points,
+)
+from .reading import Reading, one_line
+
+#: Where UsdSkel looks for skeletons: everywhere under a SkelRoot, prototypes included.
+UNDER_ROOT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
+
+
+@dataclass
+class Skin:
+    """A mesh bound to a skeleton."""
+
+    query: UsdSkel.SkinningQuery
+    skeleton: UsdSkel.SkeletonQuery
+
+    @property
+    def has_joints(self) -> bool:
+        """Whether joints place the mesh, which then stands in skeleton space."""
+        return bool(self.query.HasJointInfluences())
+
+    def identity(self) -> tuple[str, str]:
+        """Paths of skeleton and animation: what two instances must share to look alike."""
+        animation = self.skeleton.GetAnimQuery()
+        return str(self.skeleton.GetPrim().GetPath()), str(animation.GetPrim().GetPath()) if animation else ""
+
+
+def find_skins(reading: Reading) -> dict[str, Skin]:
+    """Path to skin of every prim under a SkelRoot that a skeleton poses."""
+    skins, cache = {}, UsdSkel.Cache()
+    for prim in Usd.PrimRange.Stage(reading.stage, UNDER_ROOT):
+        if not prim.IsA(UsdSkel.Root):
+            continue
+        root = UsdSkel.Root(prim)
+        try:
+            cache.Populate(root, UNDER_ROOT)
+            for binding in cache.ComputeSkelBindings(root, UNDER_ROOT):
+                skeleton = cache.GetSkelQuery(binding.GetSkeleton())
+                for query in binding.GetSkinningTargets():
+                    skins[str(query.GetPrim().GetPath())] = Skin(query, skeleton)
+        except Tf.ErrorException as error:
+            reading.remark(prim, f"its skeletons are ignored: {one_line(error)}")
+    return skins
+
+
+def to_skeleton(skin: Skin, prim: Usd.Prim, local: np.ndarray, time: Usd.TimeCode) -> np.ndarray:
+    """(4, 4) from skeleton space, which skinning ends in, to the frame that `local` (4, 4) takes the prim to.
+
+    Of a prim without points, which one joint moves as a whole, from the prim.
+    """
+    cache = UsdGeom.XformCache(time)
+    skeleton = np.array(cache.GetLocalToWorldTransform(skin.skeleton.GetPrim()), np.float64)
+    own = np.array(cache.GetLocalToWorldTransform(prim), np.float64)
+    matrix = skeleton @ np.linalg.solve(own, local)
+    if prim.IsA(UsdGeom.PointBased):
+        return matrix
+    moved = skin.query.ComputeSkinnedTransform(skin.skeleton.ComputeSkinningTransforms(time), time)
+    return np.array(moved, np.float64) @ matrix
+
+
+def posed_points(reading: Reading, skin: Skin, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Points (N, 3) as the skeleton poses them, and the matrix (N, 4, 4) of each, None where joints move none."""
+    points = _shaped(reading, skin, points.astype(np.float64))
+    if not skin.has_joints:
+        return points, None
+    bind = np.array(skin.query.GetGeomBindTransform(reading.time), np.float64)
+    each = bind @ _blended(reading, skin, len(points))
+    return transformed_points(points, each), each
+
+
+def posed_normals(normals: Primvar, matrices: np.ndarray, indices: np.ndarray) -> Primvar:
+    """Authored normals turned with the points; constant and uniform ones stay.
+
+    Args:
+        normals: of the mesh at rest.
+        matrices: (N, 4, 4) of the points.
+        indices: (C,) point of each corner.
+    """
+    values = normals.expanded().astype(np.float64)
+    if normals.interpolation in ("vertex", "varying"):
+        return Primvar(transformed_normals(values, matrices), "vertex")
+    if normals.interpolation == "faceVarying":
+        return Primvar(transformed_normals(values, matrices[indices]), "faceVarying")
+    return normals
+
+
+def _blended(reading: Reading, skin: Skin, points: int) -> np.ndarray:
+    """(N, 4, 4) movement of each point by its joints; none, with a remark, where they do not fit."""
+    influences = _influences(reading, skin, points)
+    joints = skin.skeleton.ComputeSkinningTransforms(reading.time)
+    mapper = skin.query.GetJointMapper()
+    if joints and mapper and not mapper.IsIdentity():
+        joints = mapper.RemapTransforms(joints)
+    matrices = np.array(joints or [], np.float64).reshape(-1, 4, 4)
+    fits = influences is not None and influences.joints.min(initial=0) >= 0
+    if not fits or influences.joints.max(initial=-1) >= len(matrices) or not np.isfinite(matrices).all():
+        reading.remark(skin.query.GetPrim(), "its skeleton does not move it: joints, indices and weights do not fit")
+        return np.tile(np.eye(4), (points, 1, 1))
+    is_dual = skin.query.GetSkinningMethod() == UsdSkel.Tokens.dualQuaternion
+    return (dual_quaternion_blended if is_dual else blended)(matrices, influences)
+
+
+def _influences(reading: Reading, skin: Skin, points: int) -> Influences | None:
+    found = skin.query.ComputeVaryingJointInfluences(points, reading.time)
+    if not found:
+        return None
+    joints, weights = (np.array(values) for values in found)
+    size = max(len(joints) // max(points, 1), 1)
+    if joints.size != points * size or weights.size != points * size:
+        return None
+    weights = weights.reshape(points, size).astype(np.float64)
+    total = weights.sum(1, keepdims=True)
+    weights = np.divide(weights, total, out=np.zeros_like(weights), where=total != 0)
+    return Influences(joints.reshape(points, size).astype(np.int64), weights)
+
+
+def _shaped(reading: Reading, skin: Skin, points: np.ndarray) -> np.ndarray:
+    """Points with the offsets of the active blend shapes added."""
+    animation = skin.skeleton.GetAnimQuery()
+    if not (skin.query.HasBlendShapes() and animation):
+        return points
+    weights = animation.ComputeBlendShapeWeights(reading.time)
+    mapper = skin.query.GetBlendShapeMapper()
+    if mapper and weights is not None:
+        weights = mapper.Remap(weights)
+    if not weights:
+        return points
+    shapes = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(skin.query.GetPrim()))
+    amounts, numbers, which = shapes.ComputeSubShapeWeights(weights)
+    offsets, indices = shapes.ComputeSubShapePointOffsets(), shapes.ComputeBlendShapePointIndices()
+    points = points.copy()
+    for amount, number, sub in zip(amounts, numbers, which, strict=True):
+        chosen = np.array(indices[number], np.int64)
+        moved = np.array(offsets[sub], np.float64).reshape(-1, 3)
+        chosen = chosen if len(chosen) else np.arange(len(points))
+        if len(moved) != len(chosen) or chosen.max(initial=-1) >= len(points) or chosen.min(initial=0) < 0:
+            reading.remark(skin.query.GetPrim(), f"blend shape {number} does not fit its points")
+            continue
+        np.add.at(points, chosen, amount * moved)
+    return points
