@@ -31,6 +31,7 @@ class Upload:
 
     Attributes:
         record: what kernels read.
+        geometries: the host's copies of `record.geometries`.
         origin: (3,) float64 world position that positions on the device are relative to; a float32 value.
         bounds: (2, 3) float64 world box of everything placed; zero size at the origin when nothing is.
         warnings: one line for each thing that could not be drawn.
@@ -43,7 +44,7 @@ class Upload:
         self.warnings: list[str] = []
         self._kept: list[object] = []
         self._materials = {key: i for i, key in enumerate(scene.materials)}
-        self._geometries: list[GeometryRecord] = []
+        self.geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
         self._trees: list[MeshTree | SphereShape] = []
@@ -66,7 +67,7 @@ class Upload:
         box = np.concatenate(boxes) if boxes else np.zeros((0, 2, 3))
         self.bounds = np.stack([box[:, 0].min(0), box[:, 1].max(0)]) if len(box) else np.tile(self.origin, (2, 1))
         self.record.instances = self._array(table, InstanceRecord)
-        self.record.geometries = self._array(self._geometries, GeometryRecord)
+        self.record.geometries = self._array(self.geometries, GeometryRecord)
         self.record.primvars = self._array(self._primvars, PrimvarRecord)
         self.record.primvar_count = len(_PRIMVARS)
         used = [any(p.interpolation >= 0 for p in self._primvars[k :: len(_PRIMVARS)]) for k in range(2)]
@@ -120,9 +121,9 @@ class Upload:
             )
             known[key] = -1
             if record is not None:
-                known[key] = len(self._geometries)
+                known[key] = len(self.geometries)
                 record.kind = SHAPES.index(type(shape))
-                self._geometries.append(record)
+                self.geometries.append(record)
                 corners = getattr(shape, "corners", np.zeros((0, 3), np.int32))
                 for name in _PRIMVARS:
                     primvar = shape.primvars.get(name)

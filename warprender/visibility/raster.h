@@ -8,6 +8,7 @@
 //   Triangle             its exact predicates: orientation, edges, clipping planes; depth and barycentrics
 //   Mesh                 where triangles come from
 //   Keyed                one thread a triangle, one key a pixel (CUDA)
+//   Painter              sorted triangles, the last one stays
 //   Linear, Fill         edge functions and depth over a rectangle, eight pixels at once
 //   Bins, Corners, Binner        triangles to bins by count, prefix sum and scatter, eight triangles at once
 //   Tile                 one bin of the picture: draws what is in it, then barycentrics
@@ -262,7 +263,7 @@ struct Mesh {
 
     RASTER_FN void make(Mesh& m, const Task& task, int draw)
     {
-        auto& d = task.draws.data[draw];
+        auto& d = task.meshes.data[task.mesh.data[draw]];
         m.clip = (const float*)(d.clip.data);
         m.points = (const float*)(d.points.data);
         m.matrix = (const double*)(task.matrices.data + draw);
@@ -428,6 +429,41 @@ struct Keyed {
         task.depth.data[pixel] = depth_of(key);
         task.u.data[pixel] = (float)(weight[1] * scale);
         task.v.data[pixel] = (float)(weight[2] * scale);
+    }
+};
+
+// The painter's algorithm: triangles in the order of `task.order`, each over what is there already.
+struct Painter {
+    enum { BandRows = 16 };
+
+    // By what triangles are sorted: z / w of the mean of the vertices' clip positions.
+    RASTER_FN float depth(const Task& task, int face)
+    {
+        Triangle t;
+        if (!Keyed::make(t, task, face))
+            return 2.0f;
+        double w = t.w[0] + t.w[1] + t.w[2];
+        return w > 0.0 ? (float)((t.z[0] + t.z[1] + t.z[2]) / w) : 2.0f;
+    }
+
+    RASTER_FN void band(const Task& task, int band)
+    {
+        auto* keys = (unsigned long long*)(task.keys.data);
+        for (int i = 0; i < task.order.shape[0]; ++i) {
+            int face = task.order.data[i];
+            Triangle t;
+            if (!Keyed::make(t, task, face))
+                continue;
+            int x0 = 0, x1 = task.width - 1, y0 = BandRows * band, y1 = y0 + BandRows - 1;
+            y1 = y1 < task.height ? y1 : task.height - 1;
+            Triangle::bound(t, x0, y0, x1, y1);
+            for (int y = y0; y <= y1; ++y)
+                for (int x = x0; x <= x1; ++x) {
+                    double a = Triangle::column(task.width, x), b = Triangle::row(task.height, y);
+                    if (Triangle::covers(t, a, b))
+                        keys[(long long)(y) * task.width + x] = Keyed::key(Triangle::depth(t, a, b), face);
+                }
+        }
     }
 };
 

@@ -27,6 +27,8 @@ LARGEST_SIDE = 16384
 #: Triangles in a chunk, entries that it may leave in bins, and bins at most: `Binner` in raster.h.
 _CHUNK, _ROOM, _MOST_BINS = 2048, 16384, 1024
 _SMALLEST_SHIFT = 6
+#: Rows that the painter draws in one item: `Painter` in raster.h.
+_BAND_ROWS = 16
 
 _CULL = {"none": 0, "back": -1, "front": 1}
 _OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": "-march=native"}
@@ -50,8 +52,8 @@ class Raster(NamedTuple):
 
 
 @wp.struct
-class Draw:
-    """Triangles (F, 3): of clip positions, or of points that `RasterTask.matrices` takes to clip space."""
+class Triangles:
+    """Indices (3 F,) of clip positions, or of points that `RasterTask.matrices` takes to clip space."""
 
     clip: wp.array(dtype=wp.vec4)
     points: wp.array(dtype=wp.vec3)
@@ -60,15 +62,17 @@ class Draw:
 
 @wp.struct
 class RasterTask:
-    """One picture of a `DrawList`.
+    """One picture of a `DrawList`: draw d shows `meshes[mesh[d]]`, moved by `matrices[d]` where it has points.
 
     `chunks` (C, 3) has draw, first face and number of faces. A chunk leaves `_ROOM` `entries`, sorted by bin; bin b
     has those from `starts[b]` on, of (C, bins + 1); the last `_CHUNK` of them are its `large_counts` triangles that lie
     over many bins. `faults` is a face with an index out of range, or -1. `taken` counts the chunks and the bins that
     threads have taken. On CUDA `keys` (H W) has the nearest fragment, `entries` the large triangles, `taken` of them.
+    `order` is the painter's.
     """
 
-    draws: wp.array(dtype=Draw)
+    meshes: wp.array(dtype=Triangles)
+    mesh: wp.array(dtype=wp.int32)
     matrices: wp.array(dtype=wp.mat44d)
     first_face: wp.array(dtype=wp.int32)
     chunks: wp.array2d(dtype=wp.int32)
@@ -82,6 +86,7 @@ class RasterTask:
     faults: wp.array(dtype=wp.int32)
     taken: wp.array(dtype=wp.int32)
     keys: wp.array(dtype=wp.uint64)
+    order: wp.array(dtype=wp.int32)
     face: wp.array2d(dtype=wp.int32)
     u: wp.array2d(dtype=wp.float32)
     v: wp.array2d(dtype=wp.float32)
@@ -142,6 +147,28 @@ def _keyed_kernels() -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
     return draw_faces, draw_large, finish_pixels
 
 
+@cache
+def _painter_kernels() -> tuple[wp.Kernel, wp.Kernel]:
+    """By what triangles are sorted; and the painting, a band of rows an item."""
+
+    @wp.func_native(_HEADER + "return Painter::depth(task, face);")
+    def sort_depth(task: RasterTask, face: wp.int32) -> wp.float32: ...
+
+    @wp.func_native(_HEADER + "Painter::band(task, number);")
+    def paint_band(task: RasterTask, number: wp.int32): ...
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def measure(first: wp.int32, task: RasterTask, depth: wp.array(dtype=wp.float32)):
+        face = first + wp.tid()
+        depth[face] = sort_depth(task, face)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def paint_bands(first: wp.int32, task: RasterTask):
+        paint_band(task, first + wp.tid())
+
+    return measure, paint_bands
+
+
 def rasterize(
     clip_positions: np.ndarray | wp.array,
     indices: np.ndarray | wp.array,
@@ -172,45 +199,73 @@ def rasterize(
         MemoryError: the picture does not fit the device's memory.
     """
     device = _device_of(clip_positions, indices, device)
-    draw = Draw()
-    draw.clip = _positions(clip_positions, device)
-    draw.indices = _indices(indices, device)
-    return DrawList([draw], device).rasterize(width, height, threads, cull)
+    triangles = Triangles()
+    triangles.clip = _positions(clip_positions, device)
+    triangles.indices = _indices(indices, device)
+    return DrawList([triangles], [0], device).rasterize(width, height, threads, cull)
 
 
 class DrawList:
-    """Triangles of one picture: what `rasterize` draws, from many arrays at once.
+    """What one picture shows: D draws of meshes, each mesh stored once however often it is drawn.
 
-    The number of a face in the picture is `first_face` of its draw plus its index there. Draws of points need
-    `matrices`; set them before each picture.
+    The number of a face in the picture is `first_face` of its draw plus its index in the mesh.
 
     Attributes:
-        first_face: (D,) int64 on the host.
-        matrices: (D,) `wp.mat44d` on the device, from points to clip space, for column vectors.
+        first_face: (D,) int32 on the device.
+        matrices: (D,) `wp.mat44d` on the device, from points to clip space, for column vectors. Zero until set; not
+            read for meshes of clip positions.
     """
 
-    def __init__(self, draws: Sequence[Draw], device: str | wp.Device) -> None:
-        """For these draws, whose arrays are on `device` and are read anew for each picture.
+    def __init__(self, meshes: Sequence[Triangles], draws: Sequence[int] | np.ndarray, device: str | wp.Device) -> None:
+        """Take meshes, whose arrays are read anew for each picture, and for each draw the number of its mesh.
 
         Raises:
             ValueError: more triangles than int32 can number.
         """
         self.device = wp.get_device(device)
-        self._draws = list(draws)  # arrays of structs do not keep what they point to
-        faces = np.array([len(draw.indices) // 3 for draw in self._draws], np.int64)
+        self._meshes = list(meshes)  # arrays of structs do not keep what they point to
+        self._mesh = np.asarray(draws, np.int32)
+        faces = np.array([len(mesh.indices) // 3 for mesh in self._meshes], np.int64)[self._mesh]
         if faces.sum() >= 2**31 - 1:
             raise ValueError(f"{faces.sum()} triangles are more than one picture has face numbers for")
-        self.face_count = int(faces.sum())
-        self.first_face = np.cumsum(faces) - faces
-        self.matrices = wp.zeros(len(self._draws), wp.mat44d, device=self.device)
+        self._face_count = int(faces.sum())
+        self.first_face = wp.array((np.cumsum(faces) - faces).astype(np.int32), dtype=wp.int32, device=self.device)
+        self.matrices = wp.zeros(len(self._mesh), wp.mat44d, device=self.device)
         self._task = task = RasterTask()
-        task.matrices = self.matrices
-        task.draws = wp.array(self._draws, dtype=Draw, device=self.device)
-        task.first_face = wp.array(self.first_face, dtype=wp.int32, device=self.device)
+        task.meshes = wp.array(self._meshes, dtype=Triangles, device=self.device)
+        task.mesh = wp.array(self._mesh, dtype=wp.int32, device=self.device)
+        task.first_face, task.matrices = self.first_face, self.matrices
         task.chunks = wp.array(_chunks(faces), dtype=wp.int32, device=self.device)
 
     def rasterize(self, width: int, height: int, threads: int | None = None, cull: str = "none") -> Raster:
         """What each pixel centre sees; arguments and errors as of `rasterize`."""
+        seen = self._begin(width, height, cull)
+        if self.device.is_cpu:
+            self._draw_in_bins(thread_count(threads))
+        else:
+            self._draw_by_keys()
+        return seen
+
+    def paint(self, width: int, height: int, threads: int | None = None) -> Raster:
+        """The same by the painter's algorithm: triangles are drawn back to front, each over those before it.
+
+        They are sorted by the depth of the mean of their clip positions, so triangles that overlap in a cycle, pass
+        through each other, or are long, come out wrong; `rasterize` gets them right.
+        """
+        seen, task = self._begin(width, height, "none"), self._task
+        self._prepare_keys()
+        sort_depth = wp.empty(self._face_count, wp.float32, device=self.device)
+        measure, paint_bands = _painter_kernels()
+        launch(measure, self._face_count, [task, sort_depth], self.device, threads)
+        self._check_faults(task.faults.numpy())
+        farthest_first = np.lexsort((-np.arange(self._face_count), -sort_depth.numpy()))
+        task.order = wp.array(farthest_first, dtype=wp.int32, device=self.device)
+        bands = -(-task.height // _BAND_ROWS)
+        launch(paint_bands, bands, [task], self.device, threads, smallest_chunk=1)
+        launch(_keyed_kernels()[2], task.width * task.height, [task], self.device, threads)
+        return seen
+
+    def _begin(self, width: int, height: int, cull: str) -> Raster:
         for name, size in (("width", width), ("height", height)):
             if size != int(size) or not 1 <= size <= LARGEST_SIDE:
                 raise ValueError(f"{name} must be 1…{LARGEST_SIDE} pixels, not {size}")
@@ -220,11 +275,12 @@ class DrawList:
         task.width, task.height, task.cull = int(width), int(height), _CULL[cull]
         seen = _new_picture(task.width, task.height, self.device)
         task.face, task.u, task.v, task.depth = seen
-        if self.device.is_cpu:
-            self._draw_in_bins(thread_count(threads))
-        else:
-            self._draw_by_keys()
         return seen
+
+    def _prepare_keys(self) -> None:
+        task = self._task
+        task.keys = wp.full(task.width * task.height, 2**64 - 1, wp.uint64, device=self.device)
+        task.faults = wp.full(1, -1, wp.int32, device=self.device)
 
     def _draw_in_bins(self, threads: int) -> None:
         task, chunks = self._task, self._task.chunks.shape[0]
@@ -241,11 +297,10 @@ class DrawList:
 
     def _draw_by_keys(self) -> None:
         task, pixels = self._task, self._task.width * self._task.height
-        task.keys = wp.full(pixels, 2**64 - 1, wp.uint64, device=self.device)
-        task.entries = wp.empty(self.face_count, wp.vec3i, device=self.device)
+        self._prepare_keys()
+        task.entries = wp.empty(self._face_count, wp.vec3i, device=self.device)
         task.taken = wp.zeros(1, wp.int32, device=self.device)
-        task.faults = wp.full(1, -1, wp.int32, device=self.device)
-        for kernel, count in zip(_keyed_kernels(), (self.face_count, pixels, pixels), strict=True):
+        for kernel, count in zip(_keyed_kernels(), (self._face_count, pixels, pixels), strict=True):
             launch(kernel, count, [task], self.device, threads=1)
         self._check_faults(task.faults.numpy())
 
@@ -253,10 +308,11 @@ class DrawList:
         """Raise a ValueError for a face with an index out of range; -1 stands for none."""
         if not (faults >= 0).any():
             return
-        face = int(faults[faults >= 0].min())
-        draw = int(np.searchsorted(self.first_face, face, "right")) - 1
-        corners = self._draws[draw].indices.numpy().reshape(-1, 3)[face - self.first_face[draw]].tolist()
-        vertices = len(self._draws[draw].points if self._draws[draw].clip is None else self._draws[draw].clip)
+        face, first = int(faults[faults >= 0].min()), self.first_face.numpy()
+        draw = int(np.searchsorted(first, face, "right")) - 1
+        mesh = self._meshes[self._mesh[draw]]
+        corners = mesh.indices.numpy().reshape(-1, 3)[face - first[draw]].tolist()
+        vertices = len(mesh.points if mesh.clip is None else mesh.clip)
         raise ValueError(f"triangle {face} has the indices {corners}, but there are {vertices} vertices")
 
 
