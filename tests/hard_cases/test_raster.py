@@ -201,6 +201,12 @@ def test_r7_zero_and_tiny_w(z):
     assert (pictures[0][0] >= 0).any()
 
 
+def test_r7_depth_where_w_cancels():
+    """The sum of e_k w_k is 2, of numbers near 2^54."""
+    clip = np.array([[1, 1, 1, 0], [0, 0, 0, -1], [-1, 0, 0, 2.0**54]], np.float32)
+    check_against_exact(clip, [[0, 1, 2]], 1, 2)
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("component", range(4))
 def test_r7_non_finite_triangles_are_not_drawn(bad, component):

@@ -60,6 +60,13 @@ struct Expansion {
         add(::fma(a, b, -product), c);
         add(product, c);
     }
+    inline CUDA_CALLABLE double value() const
+    {
+        double sum = 0.0;
+        for (int i = 0; i < count; ++i)
+            sum += term[i];
+        return sum;
+    }
     inline CUDA_CALLABLE int sign() const { return count == 0 ? 0 : (term[count - 1] > 0.0 ? 1 : -1); }
 };
 
@@ -230,25 +237,54 @@ struct Triangle {
             last = high < first ? first - 1 : (int)(high);
     }
 
-    // Edge functions at a covered centre, none of the wrong sign.
+    // Edge functions at a covered centre, none of the wrong sign, to a relative 2^-40.
     RASTER_FN void weights(const Triangle& t, double a, double b, double* weight)
     {
         for (int k = 0; k < 3; ++k) {
             double size;
             double e = t.orientation * edge(t, k, a, b, size);
+            if (!(e > size * 0x1p-10)) {
+                Expansion exact;
+                exact.count = 0;
+                add_edge(exact, t, k, a, b, 1.0);
+                e = t.orientation * exact.value();
+            }
             weight[k] = e > 0.0 ? e : 0.0;
         }
     }
 
-    // z / w at a covered centre: a convex combination where all w are positive, so never far off.
+    // z / w at a covered centre. Where w changes its sign the sums may cancel: then they are made without rounding.
     RASTER_FN float depth(const Triangle& t, double a, double b)
+    {
+        double weight[3], z = 0.0, w = 0.0, size = 0.0;
+        weights(t, a, b, weight);
+        for (int k = 0; k < 3; ++k) {
+            z += weight[k] * t.z[k];
+            w += weight[k] * t.w[k];
+            size += weight[k] * (magnitude(t.z[k]) + magnitude(t.w[k]));
+        }
+        if (!(w > size * 0x1p-8)) {
+            Expansion exact_z, exact_w;
+            exact_z.count = exact_w.count = 0;
+            for (int k = 0; k < 3; ++k) {
+                add_edge(exact_z, t, k, a, b, t.z[k]);
+                add_edge(exact_w, t, k, a, b, t.w[k]);
+            }
+            z = exact_z.value(), w = exact_w.value();
+        }
+        double depth = w != 0.0 ? z / w : 0.0;
+        return (float)(depth < -1.0 ? -1.0 : (depth > 1.0 ? 1.0 : depth)) + 0.0f;  // no -0, which is a smaller key
+    }
+
+    // Perspective-correct weights of vertices 1 and 2 at a covered centre.
+    RASTER_FN void barycentrics(const Triangle& t, double a, double b, float& u, float& v)
     {
         double weight[3];
         weights(t, a, b, weight);
-        double z = weight[0] * t.z[0] + weight[1] * t.z[1] + weight[2] * t.z[2];
-        double w = weight[0] * t.w[0] + weight[1] * t.w[1] + weight[2] * t.w[2];
-        double depth = w > 0.0 ? z / w : 0.0;
-        return (float)(depth < -1.0 ? -1.0 : (depth > 1.0 ? 1.0 : depth)) + 0.0f;  // no -0, which is a smaller key
+        double total = weight[0] + weight[1] + weight[2];
+        double scale = total > 0.0 ? 1.0 / total : 0.0;
+        u = (float)(weight[1] * scale);
+        v = (float)(weight[2] * scale);
     }
 };
 
@@ -322,6 +358,7 @@ struct Keyed {
             unsigned bits;
         } d;
         d.number = depth;
+        // Bits that grow with the number, as unsigned integers.
         unsigned ordered = d.bits >> 31 ? ~d.bits : d.bits | 0x80000000u;
         return (unsigned long long)(ordered) << 32 | (unsigned)(face);
     }
@@ -421,14 +458,10 @@ struct Keyed {
         int face = (int)(key & 0xffffffffu);
         if (key == ~0ull || !make(t, task, face))
             return;
-        double weight[3];
-        Triangle::weights(t, Triangle::column(task.width, x), Triangle::row(task.height, y), weight);
-        double total = weight[0] + weight[1] + weight[2];
-        double scale = total > 0.0 ? 1.0 / total : 0.0;
         task.face.data[pixel] = face;
         task.depth.data[pixel] = depth_of(key);
-        task.u.data[pixel] = (float)(weight[1] * scale);
-        task.v.data[pixel] = (float)(weight[2] * scale);
+        double a = Triangle::column(task.width, x), b = Triangle::row(task.height, y);
+        Triangle::barycentrics(t, a, b, task.u.data[pixel], task.v.data[pixel]);
     }
 };
 
@@ -474,14 +507,17 @@ struct Painter {
 typedef double Double8 __attribute__((ext_vector_type(8)));
 typedef float Float8 __attribute__((ext_vector_type(8), aligned(4)));
 typedef int Int8 __attribute__((ext_vector_type(8), aligned(4)));
+typedef unsigned Unsigned8 __attribute__((ext_vector_type(8), aligned(4)));
+typedef unsigned long long Keys8 __attribute__((ext_vector_type(8), aligned(8)));
 typedef decltype(Double8() < Double8()) Long8;
 typedef float Float4 __attribute__((ext_vector_type(4), aligned(4)));
 typedef bool Bool8 __attribute__((ext_vector_type(8)));
 
 struct Wide {
     RASTER_FN Double8 fma(Double8 a, Double8 b, Double8 c) { return __builtin_elementwise_fma(a, b, c); }
-    RASTER_FN Double8 smaller(Double8 a, Double8 b) { return __builtin_elementwise_min(a, b); }
-    RASTER_FN Double8 larger(Double8 a, Double8 b) { return __builtin_elementwise_max(a, b); }
+    // One instruction each; the builtins take three to keep NaNs out, which do not get here.
+    RASTER_FN Double8 smaller(Double8 a, Double8 b) { return a < b ? a : b; }
+    RASTER_FN Double8 larger(Double8 a, Double8 b) { return a > b ? a : b; }
     RASTER_FN Double8 exact(Float8 a) { return __builtin_convertvector(a, Double8); }
     RASTER_FN Double8 lanes() { return Double8 { 0, 1, 2, 3, 4, 5, 6, 7 }; }
     RASTER_FN int bits(Long8 mask)
@@ -511,21 +547,33 @@ struct Linear {
     }
 };
 
-// The picture that is drawn into: depth and face of a pixel, rows from the top.
+// The pixels of a bin while it is drawn: a key each (see Keyed), which stays in the caches nearest to the thread. The
+// nearer fragment stays, of equally near ones the smaller face: the order of drawing leaves no trace.
 struct Target {
-    float* depth;
-    int* face;
-    int width, height;
+    unsigned long long* keys;
+    int x0, y0, pitch;     // of the bin's first pixel in the picture; pixels in a row
+    int width, height;     // of the picture
 
-    // The nearer fragment stays, of equally near ones the smaller face: the order of drawing leaves no trace.
-    RASTER_FN void write(const Target& target, int x, int y, float depth, int face)
+    RASTER_FN void write(const Target& target, int pixel, unsigned long long key)
     {
-        long long pixel = (long long)(y) * target.width + x;
-        float old = target.depth[pixel];
-        if (depth < old || (depth == old && face < target.face[pixel])) {
-            target.depth[pixel] = depth;
-            target.face[pixel] = face;
-        }
+        unsigned long long old = target.keys[pixel];
+        target.keys[pixel] = key < old ? key : old;
+    }
+    // Eight pixels from (x, y) of the picture on. Columns beyond the picture are drawn and never shown.
+    RASTER_FN void write(const Target& target, int x, int y, int covered, Float8 z, int face)
+    {
+        Keys8* keys = (Keys8*)(target.keys + (y - target.y0) * target.pitch + (x - target.x0));
+        z = __builtin_elementwise_min(__builtin_elementwise_max(z, Float8(-1.0f)), Float8(1.0f));
+        Keys8 key = __builtin_convertvector(ordered(z), Keys8) << 32 | (unsigned long long)(face);
+        Long8 chosen = __builtin_convertvector(Wide::mask(covered), Long8);
+        *keys = chosen ? __builtin_elementwise_min(key, *keys) : *keys;
+    }
+    // Bits that grow with the number, as unsigned integers; -0 counts as 0.
+    RASTER_FN Unsigned8 ordered(Float8 z)
+    {
+        z += 0.0f;
+        Unsigned8 bits = *(const Unsigned8*)(&z);
+        return z < 0.0f ? ~bits : bits | 0x80000000u;
     }
 };
 
@@ -655,9 +703,6 @@ struct Fill {
             covered &= within;
         }
         int x = f.left + column, y = f.y0 + row;
-        int columns = x + 8 > target.width ? 255 >> (x + 8 - target.width) : 255;
-        doubtful &= columns;
-        covered &= columns;
         double b = Triangle::row(target.height, y);
         for (; doubtful; doubtful &= doubtful - 1) {
             int lane = __builtin_ctz(doubtful);
@@ -670,35 +715,18 @@ struct Fill {
             for (int lane = 0; lane < 8; ++lane)
                 if (covered >> lane & 1)
                     depth[lane] = Triangle::depth(*f.triangle, Triangle::column(target.width, x + lane), b);
-        blend(target, x, y, covered, depth, f.face);
-    }
-
-    RASTER_FN void blend(const Target& target, int x, int y, int covered, Float8 z, int face)
-    {
-        z = __builtin_elementwise_min(__builtin_elementwise_max(z, Float8(-1.0f)), Float8(1.0f)) + 0.0f;  // no -0
-        if (x + 8 > target.width) {
-            for (int lane = 0; lane < 8; ++lane)
-                if (covered >> lane & 1)
-                    Target::write(target, x + lane, y, z[lane], face);
-            return;
-        }
-        long long pixel = (long long)(y) * target.width + x;
-        Float8* depths = (Float8*)(target.depth + pixel);
-        Int8* faces = (Int8*)(target.face + pixel);
-        Float8 old = *depths;
-        Int8 old_face = *faces;
-        Int8 nearer = Wide::mask(covered) & ((z < old) | ((z == old) & (Int8(face) < old_face)));
-        *depths = nearer ? z : old;
-        *faces = nearer ? Int8(face) : old_face;
+        Target::write(target, x, y, covered, depth, f.face);
     }
 };
 
 // ---------------------------------------------------------------- bins
 
-// What a chunk of triangles leaves for a bin: a fragment, or a triangle (depth below -1) that the bin draws itself.
+// What a chunk of triangles leaves for a bin: a fragment, or a whole triangle that the bin draws itself.
 struct Entry {
+    enum : unsigned { Whole = 0xffffffffu };
+
     unsigned where;  // bin, row and column within it
-    float depth;
+    unsigned depth;  // upper half of the key, or Whole
     int face;
 };
 
@@ -725,6 +753,12 @@ struct Bins {
         unsigned bin = (unsigned)((y >> b.shift) * b.columns + (x >> b.shift));
         unsigned mask = (1u << b.shift) - 1u;
         return (bin << 2 * b.shift) | ((y & mask) << b.shift) | (x & mask);
+    }
+    RASTER_FN Unsigned8 pack(const Bins& b, Int8 x, Int8 y)
+    {
+        Unsigned8 bin = (Unsigned8)((y >> b.shift) * b.columns + (x >> b.shift));
+        Unsigned8 mask = (1u << b.shift) - 1u;
+        return (bin << 2 * b.shift) | (((Unsigned8)(y) & mask) << b.shift) | ((Unsigned8)(x) & mask);
     }
 };
 
@@ -807,7 +841,10 @@ struct Corners {
 struct Binner {
     enum { Chunk = 2048, Room = 16384, Entries = Room - Chunk, MostBins = 1024, SmallSide = 8, SmallArea = 24 };
 
-    Entry scratch[Entries];
+    // Entries in the order of their triangles, eight more than are used.
+    unsigned where[Entries + 8];
+    unsigned depth[Entries + 8];
+    int face[Entries + 8];
     int counts[MostBins + 1];
     int used, larges;
     Large* large;
@@ -816,13 +853,34 @@ struct Binner {
     int cull;  // -1, 0 or 1: the sign of D that is not drawn
     int fault;
 
-    RASTER_FN void emit(Binner& s, unsigned where, float depth, int face)
+    RASTER_FN void emit(Binner& s, unsigned where, unsigned depth, int face)
     {
-        s.scratch[s.used].where = where;
-        s.scratch[s.used].depth = depth;
-        s.scratch[s.used].face = face;
+        s.where[s.used] = where;
+        s.depth[s.used] = depth;
+        s.face[s.used] = face;
         ++s.used;
-        ++s.counts[where >> 2 * s.bins.shift];
+    }
+
+    // The chosen lanes side by side. A branch for each would be guessed wrong every other time.
+    RASTER_FN void emit(Binner& s, int lanes, Unsigned8 where, Unsigned8 depth, Int8 face)
+    {
+        pick((int*)(s.where + s.used), lanes, (Int8)(where));
+        pick((int*)(s.depth + s.used), lanes, (Int8)(depth));
+        pick(s.face + s.used, lanes, face);
+        s.used += __builtin_popcount(lanes);
+    }
+    RASTER_FN void pick(int* to, int lanes, Int8 value)
+    {
+#if defined(__AVX512VL__)
+        typedef int Register __attribute__((vector_size(32)));
+        Register picked = __builtin_ia32_compresssi256_mask((Register)(value), Register {}, (unsigned char)(lanes));
+        *(Int8*)(to) = (Int8)(picked);
+#else
+        for (int lane = 0; lane < 8; ++lane) {
+            *to = value[lane];
+            to += lanes >> lane & 1;
+        }
+#endif
     }
 
     // A triangle that bins draw by themselves: an entry in each of a few, else one record for all.
@@ -839,7 +897,7 @@ struct Binner {
         }
         for (int y = top; y <= bottom; ++y)
             for (int x = left; x <= right; ++x)
-                emit(s, Bins::pack(s.bins, x << shift, y << shift), -2.0f, s.mesh.first + face);
+                emit(s, Bins::pack(s.bins, x << shift, y << shift), Entry::Whole, s.mesh.first + face);
     }
 
     RASTER_FN Long8 all_beyond(const Double8* v, const Double8* w, double side)
@@ -968,28 +1026,24 @@ struct Binner {
                 most_columns = nx[lane] > most_columns ? nx[lane] : most_columns;
                 most_rows = ny[lane] > most_rows ? ny[lane] : most_rows;
             }
+        Int8 faces = Int8 { 0, 1, 2, 3, 4, 5, 6, 7 } + (s.mesh.first + face);
         for (int row = 0; row < most_rows; ++row)
             for (int column = 0; column < most_columns; ++column) {
                 Double8 i = Double8((double)(column)), j = Double8((double)(row));
                 Double8 least = Wide::fma(i, a[0], Wide::fma(j, b[0], e[0]));
                 least = Wide::smaller(least, Wide::fma(i, a[1], Wide::fma(j, b[1], e[1])));
                 least = Wide::smaller(least, Wide::fma(i, a[2], Wide::fma(j, b[2], e[2])));
-                int possible = small & Wide::bits((least > -doubt) & (i < columns) & (j < rows));
-                if (!possible)
-                    continue;
-                int sure = Wide::bits(least > doubt);
+                Long8 here = (i < columns) & (j < rows);
+                int covered = small & Wide::bits((least > doubt) & here);
+                int doubtful = small & ~covered & Wide::bits((least > -doubt) & here);
+                for (; doubtful; doubtful &= doubtful - 1) {
+                    int lane = __builtin_ctz(doubtful);
+                    covered |= (int)(covers(s, face + lane, x0[lane] + column, y0[lane] + row)) << lane;
+                }
                 Double8 precise = Wide::fma(i, depth_a, Wide::fma(j, depth_b, depth));
                 precise = Wide::smaller(Wide::larger(precise, Double8(-1.0)), Double8(1.0));
-                float value[8];
-                *(Float8*)(value) = __builtin_convertvector(precise, Float8) + 0.0f;  // no -0
-                while (possible) {
-                    int lane = __builtin_ctz(possible);
-                    possible &= possible - 1;
-                    int px = x0[lane] + column, py = y0[lane] + row;
-                    if (!(sure >> lane & 1) && !covers(s, face + lane, px, py))
-                        continue;
-                    emit(s, Bins::pack(s.bins, px, py), value[lane], s.mesh.first + face + lane);
-                }
+                Unsigned8 where = Bins::pack(s.bins, *(Int8*)(x0) + column, *(Int8*)(y0) + row);
+                emit(s, covered, where, Target::ordered(__builtin_convertvector(precise, Float8)), faces);
             }
     }
 
@@ -1011,8 +1065,6 @@ struct Binner {
         s.mesh = mesh;
         s.cull = cull;
         s.large = large;
-        for (int bin = 0; bin <= bins.columns * bins.rows; ++bin)
-            s.counts[bin] = 0;
     }
 
     RASTER_FN void run(const Task& task, int chunk)
@@ -1044,7 +1096,11 @@ struct Binner {
     // Entries in the order of their bins; bin b has [starts[b], starts[b + 1]).
     RASTER_FN void sort(Binner& s, Entry* entries, int* starts)
     {
-        int bins = s.bins.columns * s.bins.rows, total = 0;
+        int bins = s.bins.columns * s.bins.rows, total = 0, shift = 2 * s.bins.shift;
+        for (int bin = 0; bin < bins; ++bin)
+            s.counts[bin] = 0;
+        for (int i = 0; i < s.used; ++i)
+            ++s.counts[s.where[i] >> shift];
         for (int bin = 0; bin < bins; ++bin) {
             starts[bin] = total;
             total += s.counts[bin];
@@ -1052,7 +1108,7 @@ struct Binner {
         }
         starts[bins] = total;
         for (int i = 0; i < s.used; ++i)
-            entries[s.counts[s.scratch[i].where >> 2 * s.bins.shift]++] = s.scratch[i];
+            entries[s.counts[s.where[i] >> shift]++] = Entry { s.where[i], s.depth[i], s.face[i] };
     }
 };
 
@@ -1060,30 +1116,27 @@ struct Binner {
 
 // Draws what the chunks left for a bin.
 struct Tile {
-    enum { None = 0x7fffffff };  // face of a pixel that nothing was drawn to
-
     Target target;
     Bins bins;
     int cull;
     int column, row;     // of the bin
     int x0, y0, x1, y1;  // its pixels
 
-    RASTER_FN void make(Tile& t, const Target& target, const Bins& bins, int bin, int cull)
+    RASTER_FN void make(Tile& t, const Bins& bins, int bin, int cull, unsigned long long* keys)
     {
-        t.target = target;
+        int side = 1 << bins.shift;
         t.bins = bins;
         t.cull = cull;
         t.column = bin % bins.columns;
         t.row = bin / bins.columns;
-        int side = 1 << bins.shift;
         t.x0 = t.column * side, t.y0 = t.row * side;
         t.x1 = (t.x0 + side < bins.width ? t.x0 + side : bins.width) - 1;
         t.y1 = (t.y0 + side < bins.height ? t.y0 + side : bins.height) - 1;
-        for (int y = t.y0; y <= t.y1; ++y)
-            for (int x = t.x0; x <= t.x1; ++x) {
-                target.depth[(long long)(y) * bins.width + x] = 1.0f;
-                target.face[(long long)(y) * bins.width + x] = None;
-            }
+        t.target.keys = keys;
+        t.target.x0 = t.x0, t.target.y0 = t.y0, t.target.pitch = side;
+        t.target.width = bins.width, t.target.height = bins.height;
+        for (int pixel = 0; pixel < side * (t.y1 - t.y0 + 1); ++pixel)
+            keys[pixel] = ~0ull;
     }
 
     RASTER_FN void draw(const Tile& tile, const Mesh& mesh, int face)
@@ -1103,14 +1156,14 @@ struct Tile {
 
     RASTER_FN void draw_entries(const Tile& tile, const Mesh& mesh, const Entry* entry, const Entry* end)
     {
-        int shift = tile.bins.shift, mask = (1 << shift) - 1;
+        unsigned within = (1u << 2 * tile.bins.shift) - 1u;
         for (; entry < end; ++entry) {
-            if (entry->depth < -1.0f)
+            if (entry->depth == Entry::Whole)
                 draw(tile, mesh, entry->face);
             else
                 Target::write(
-                    tile.target, tile.x0 + (entry->where & mask), tile.y0 + (entry->where >> shift & mask),
-                    entry->depth, entry->face);
+                    tile.target, (int)(entry->where & within),
+                    (unsigned long long)(entry->depth) << 32 | (unsigned)(entry->face));
         }
     }
 
@@ -1127,53 +1180,51 @@ struct Tile {
     // The picture as users have it: misses marked, and perspective-correct barycentrics of the faces that are left.
     RASTER_FN void finish(const Tile& tile, const Task& task)
     {
-        for (int y = tile.y0; y <= tile.y1; ++y)
-            for (int x = tile.x0; x <= tile.x1; x += 8) {
+        for (int y = tile.y0; y <= tile.y1; ++y) {
+            const Keys8* keys = (const Keys8*)(tile.target.keys + (y - tile.y0) * tile.target.pitch);
+            for (int x = tile.x0; x <= tile.x1; x += 8, ++keys) {
                 long long pixel = (long long)(y) * task.width + x;
-                if (x + 8 <= task.width) {
-                    finish_eight(task, x, y, task.face.data + pixel, task.u.data + pixel, task.v.data + pixel);
-                    continue;
-                }
-                int count = task.width - x, faces[8];
-                float u[8], v[8];
-                for (int lane = 0; lane < 8; ++lane)
-                    faces[lane] = lane < count ? task.face.data[pixel + lane] : None;
-                finish_eight(task, x, y, faces, u, v);
-                for (int lane = 0; lane < count; ++lane) {
-                    task.face.data[pixel + lane] = faces[lane];
-                    task.u.data[pixel + lane] = u[lane];
-                    task.v.data[pixel + lane] = v[lane];
-                }
+                int count = task.width - x;
+                Float8 u = Float8(0.0f), v = Float8(0.0f);
+                Long8 seen = *keys != ~0ull;
+                int hits = Wide::bits(seen) & (count < 8 ? (1 << count) - 1 : 255);
+                Int8 face = __builtin_convertvector(*keys, Int8);
+                if (hits)
+                    barycentrics(task, x, y, face, hits, u, v);
+                Int8 hit = Wide::mask(hits);
+                store((float*)(task.face.data) + pixel, *(Float8*)(&face), count);
+                store(task.depth.data + pixel, hit ? depth_of(*keys) : Float8(1.0f), count);
+                store(task.u.data + pixel, hit ? u : Float8(0.0f), count);
+                store(task.v.data + pixel, hit ? v : Float8(0.0f), count);
             }
+        }
     }
 
-    RASTER_FN void finish_eight(const Task& task, int x, int y, int* faces, float* u, float* v)
+    // The inverse of Target::ordered.
+    RASTER_FN Float8 depth_of(Keys8 keys)
     {
-        Int8 face = *(const Int8*)(faces);
-        Int8 seen = face != (int)(None);
-        int hits = Wide::bits(__builtin_convertvector(seen, Long8));
-        Float8 first = Float8(0.0f), second = Float8(0.0f);
-        if (hits)
-            barycentrics(task, x, y, faces, hits, first, second);
-        *(Int8*)(faces) = seen ? face : Int8(-1);
-        store(u, seen ? first : Float8(0.0f));
-        store(v, seen ? second : Float8(0.0f));
+        Unsigned8 bits = __builtin_convertvector(keys >> 32, Unsigned8);
+        bits = (Int8)(bits) < 0 ? bits & 0x7fffffffu : ~bits;
+        return *(const Float8*)(&bits);
     }
 
-    // Past the caches where the address allows: barycentrics are not read here again.
-    RASTER_FN void store(float* to, Float8 value)
+    // The first `count` of eight numbers. Past the caches where the address allows: they are not read here again.
+    RASTER_FN void store(float* to, Float8 value, int count)
     {
         typedef float Aligned __attribute__((ext_vector_type(8)));
-        if ((unsigned long long)(to) % sizeof(Aligned) == 0)
+        if (count >= 8 && (unsigned long long)(to) % sizeof(Aligned) == 0)
             __builtin_nontemporal_store((Aligned)(value), (Aligned*)(to));
         else
-            *(Float8*)(to) = value;
+            for (int lane = 0; lane < 8 && lane < count; ++lane)
+                to[lane] = value[lane];
     }
 
     // Of eight pixels from (x, y) on, where `hits` says so.
-    RASTER_FN void barycentrics(const Task& task, int x, int y, const int* faces, int hits, Float8& u, Float8& v)
+    RASTER_FN void barycentrics(const Task& task, int x, int y, Int8 face, int hits, Float8& u, Float8& v)
     {
         Corners corners = {};
+        int faces[8], wanted = hits;
+        *(Int8*)(faces) = face;
         while (hits) {
             int draw = Mesh::owner(task, faces[__builtin_ctz(hits)]);
             Mesh mesh;
@@ -1197,30 +1248,37 @@ struct Tile {
             dx[k] = Wide::fma(-a, w, Wide::exact(corners.x[k]) * width);
             dy[k] = Wide::fma(-b, w, Wide::exact(corners.y[k]) * height);
         }
+        Double8 size = Double8(0.0);
         for (int k = 0; k < 3; ++k) {
             int i = (k + 1) % 3, j = (k + 2) % 3;
             Double8 product = dx[j] * dy[i];
             e[k] = Wide::fma(dx[i], dy[j], -product) + Wide::fma(-dx[j], dy[i], product);
+            size += __builtin_elementwise_abs(product) + __builtin_elementwise_abs(dx[i] * dy[j]);
         }
         Double8 total = e[0] + e[1] + e[2];
+        int unsure = wanted & Wide::bits(__builtin_elementwise_abs(total) <= size * 0x1p-26);
         Double8 scale = total != 0.0 ? 1.0 / total : Double8(0.0);
         Double8 first = Wide::smaller(Wide::larger(e[1] * scale, Double8(0.0)), Double8(1.0));
         Double8 second = Wide::smaller(Wide::larger(e[2] * scale, Double8(0.0)), 1.0 - first);
         u = __builtin_convertvector(first, Float8);
         v = __builtin_convertvector(second, Float8);
+        // Needles: each centre by itself, with exact sums where they are called for.
+        for (; unsure; unsure &= unsure - 1) {
+            int lane = __builtin_ctz(unsure);
+            Triangle t;
+            Keyed::make(t, task, faces[lane]);
+            float exact_u, exact_v;
+            Triangle::barycentrics(t, a[lane], b[lane], exact_u, exact_v);
+            u[lane] = exact_u, v[lane] = exact_v;
+        }
     }
 
-    RASTER_FN void run(const Task& task, int bin)
+    RASTER_FN void run(const Task& task, int bin, unsigned long long* keys)
     {
         Bins bins;
         Bins::make(bins, task);
-        Target target;
-        target.depth = task.depth.data;
-        target.face = task.face.data;
-        target.width = task.width;
-        target.height = task.height;
         Tile tile;
-        make(tile, target, bins, bin, task.cull);
+        make(tile, bins, bin, task.cull, keys);
         int bin_count = bins.columns * bins.rows, draw = -1;
         Mesh mesh;
         for (int chunk = 0; chunk < task.chunks.shape[0]; ++chunk) {
@@ -1237,13 +1295,15 @@ struct Tile {
         finish(tile, task);
     }
 
-    RASTER_FN void run_all(const Task& task)
+    // Bins one after the other, as long as there are any that no other thread has taken.
+    RASTER_FN void run_all(const Task& task, int worker)
     {
         Bins bins;
         Bins::make(bins, task);
+        auto* keys = (unsigned long long*)(task.keys.data) + ((long long)(worker) << 2 * task.shift);
         int bin;
         while ((bin = __atomic_fetch_add(task.taken.data + 1, 1, __ATOMIC_RELAXED)) < bins.columns * bins.rows)
-            run(task, bin);
+            run(task, bin, keys);
     }
 };
 

@@ -67,7 +67,8 @@ class RasterTask:
     `chunks` (C, 3) has draw, first face and number of faces. A chunk leaves `_ROOM` `entries`, sorted by bin; bin b
     has those from `starts[b]` on, of (C, bins + 1); the last `_CHUNK` of them are its `large_counts` triangles that lie
     over many bins. `faults` is a face with an index out of range, or -1. `taken` counts the chunks and the bins that
-    threads have taken. On CUDA `keys` (H W) has the nearest fragment, `entries` the large triangles, `taken` of them.
+    threads have taken. `keys` has the
+    nearest fragments of a bin for each thread. On CUDA it has those of the picture, `entries` the large triangles, `taken` of them.
     `order` is the painter's.
     """
 
@@ -107,12 +108,12 @@ def _bin_kernel() -> wp.Kernel:
 
 @cache
 def _fill_kernel() -> wp.Kernel:
-    @wp.func_native(_HEADER + "Tile::run_all(task);")
-    def fill_bins(task: RasterTask): ...
+    @wp.func_native(_HEADER + "Tile::run_all(task, worker);")
+    def fill_bins(task: RasterTask, worker: wp.int32): ...
 
     @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
     def draw_bins(first: wp.int32, task: RasterTask):
-        fill_bins(task)
+        fill_bins(task, first + wp.tid())
 
     return draw_bins
 
@@ -287,13 +288,14 @@ class DrawList:
         task.shift = _SMALLEST_SHIFT
         while _bins(task) > _MOST_BINS:
             task.shift += 1
-        with _borrowed(chunks, chunks * (_bins(task) + 1)) as scratch:
-            task.entries, task.starts, task.large_counts, task.faults = scratch
+        workers = min(threads, _bins(task))
+        with _borrowed(chunks, chunks * (_bins(task) + 1), workers << 2 * task.shift) as scratch:
+            task.entries, task.starts, task.large_counts, task.faults, task.keys = scratch
             task.taken = wp.zeros(2, wp.int32, device="cpu")
             # An item is a thread at work: it takes chunks, then bins, until none is left.
             launch(_bin_kernel(), min(threads, chunks), [task], "cpu", threads, smallest_chunk=1)
             self._check_faults(task.faults.numpy()[:chunks])
-            launch(_fill_kernel(), min(threads, _bins(task)), [task], "cpu", threads, smallest_chunk=1)
+            launch(_fill_kernel(), workers, [task], "cpu", threads, smallest_chunk=1)
 
     def _draw_by_keys(self) -> None:
         task, pixels = self._task, self._task.width * self._task.height
@@ -350,15 +352,16 @@ _idle: list[tuple[wp.array, ...]] = []
 
 
 @contextmanager
-def _borrowed(chunks: int, starts: int) -> Iterator[tuple[wp.array, ...]]:
-    """Entries, starts, large counts and faults for so many chunks."""
+def _borrowed(chunks: int, starts: int, keys: int) -> Iterator[tuple[wp.array, ...]]:
+    """Entries, starts, large counts and faults for so many chunks, and keys."""
     scratch = _idle.pop() if _idle else None
-    if scratch is None or len(scratch[2]) < chunks or len(scratch[1]) < starts:
+    if scratch is None or len(scratch[2]) < chunks or len(scratch[1]) < starts or len(scratch[4]) < keys:
         scratch = (
             wp.empty(chunks * _ROOM, wp.vec3i, device="cpu"),
             wp.empty(starts, wp.int32, device="cpu"),
             wp.empty(chunks, wp.int32, device="cpu"),
             wp.empty(chunks, wp.int32, device="cpu"),
+            wp.empty(keys, wp.uint64, device="cpu"),
         )
     try:
         yield scratch
