@@ -67,9 +67,10 @@ class RasterTask:
     `chunks` (C, 3) has draw, first face and number of faces. A chunk leaves `_ROOM` `entries`, sorted by bin; bin b
     has those from `starts[b]` on, of (C, bins + 1); the last `_CHUNK` of them are its `large_counts` triangles that lie
     over many bins. `faults` is a face with an index out of range, or -1. `taken` counts the chunks and the bins that
-    threads have taken. `keys` has the
-    nearest fragments of a bin for each thread. On CUDA it has those of the picture, `entries` the large triangles, `taken` of them.
-    `order` is the painter's.
+    threads have taken. `keys` has the nearest fragments of a bin for each thread.
+
+    On CUDA `keys` has the nearest fragments of the picture, `entries` the large triangles, `taken` of them. `order` is
+    the painter's.
     """
 
     meshes: wp.array(dtype=Triangles)
