@@ -7,9 +7,9 @@ from warprender.plan import everything
 
 
 def prepare(scene, camera, size=16, **options):
-    """A renderer of size × size pixels."""
+    """A renderer of size × size pixels; independent numbers unless asked, so that standard errors are exact."""
     resolution = size if isinstance(size, tuple) else (size, size)
-    renderer = wr.Renderer(scene, camera, resolution, **options)
+    renderer = wr.Renderer(scene, camera, resolution, **{"sampler": "independent", **options})
     renderer.plan.path = everything()
     return renderer
 

@@ -20,7 +20,7 @@ from warprender.scene import RenderSettings, Scene, SceneError
 
 
 class Recorder:
-    """Stands for `load`, `choose_camera` and `Renderer`, and keeps their arguments."""
+    """Stands for `StageReader`, `choose_camera` and `Renderer`, and keeps their arguments."""
 
     def __init__(self):
         self.loads, self.renderers, self.renders = [], [], []
@@ -31,6 +31,9 @@ class Recorder:
     def load(self, stage, **arguments):
         self.loads.append({"stage": stage, **arguments})
         return self.scene
+
+    def stage_reader(self, stage, **arguments):
+        return SimpleNamespace(read=lambda time: self.load(stage, time=time, **arguments))
 
     def choose_camera(self, scene, name):
         if name == "nobody":
@@ -51,7 +54,7 @@ class Recorder:
 @pytest.fixture
 def recorder(monkeypatch, tmp_path) -> Recorder:
     recorder = Recorder()
-    monkeypatch.setattr(warprender, "load", recorder.load, raising=False)
+    monkeypatch.setattr(warprender, "StageReader", recorder.stage_reader, raising=False)
     monkeypatch.setattr(warprender, "Renderer", recorder.renderer, raising=False)
     monkeypatch.setattr(framing, "choose_camera", recorder.choose_camera)
     monkeypatch.chdir(tmp_path)
@@ -70,6 +73,7 @@ def test_defaults_are_those_of_usdrecord(recorder, tmp_path, capsys):
             "session_layer": None,
             "complexity": "low",
             "render_settings": None,
+            "draw_modes": True,
         }
     ]
     (renderer,) = recorder.renderers
@@ -90,7 +94,7 @@ def test_every_flag_arrives(recorder):
         "--variant /a:look=red --variant /a:size=big -cam /cam --resolution 8x4 --aov color,depth --aov primId "
         "--filter box --cameraLight on --enableDomeLightVisibility --enableLightVisibility --transport path "
         "--visibility rays --samples 9 --error 0.1 --seconds 2.5 --bounces 0 --seed 5 --threads 2 "
-        "--disableGpu"
+        "--energyCompensation --disableGpu --disableDrawMode"
     )
     assert main(["render", *flags.split(), "a.usda", "a.exr"]) == 0
     (load,) = recorder.loads
@@ -103,6 +107,7 @@ def test_every_flag_arrives(recorder):
         "session_layer": "s.usda",
         "complexity": "high",
         "render_settings": "/Render/settings",
+        "draw_modes": False,
     }
     (renderer,) = recorder.renderers
     assert isinstance(renderer.pop("camera"), Camera)
@@ -119,6 +124,7 @@ def test_every_flag_arrives(recorder):
         "lights_visible": True,
         "filter": "box",
         "sampler": "sobol",
+        "energy_compensation": True,
     }
     assert recorder.renders == [dict(samples=9, error=0.1, seconds=2.5, seed=5, progress=None)]
 
@@ -177,7 +183,6 @@ def test_an_interruption_before_the_first_pass_says_so(recorder, monkeypatch, ca
         raise KeyboardInterrupt
 
     monkeypatch.setattr(recorder, "load", interrupt)
-    monkeypatch.setattr(warprender, "load", interrupt)
     assert main(["render", "a.usda", "a.png"]) == 130
     assert capsys.readouterr().err == "warprender: interrupted; the picture under way is not saved\n"
 

@@ -11,12 +11,12 @@ PACKAGE = Path(warprender.__file__).parent
 LEVELS = (
     {"numerics", "sampling", "color", "launch"},
     {"records", "images"},
-    {"textures"},
+    {"texels", "textures"},
     {"materials", "lights", "shapes", "camera", "outputs"},
-    {"scene"},
-    {"plan", "framing"},
+    {"scene", "material_tables"},
+    {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"integrators", "upload", "receipt"},
+    {"integrators", "upload", "upload_lights", "receipt"},
     {"frame", "renderer"},
     {"usd", "cli"},
     {"__init__", "__main__"},
@@ -24,7 +24,16 @@ LEVELS = (
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
 
 #: Neighbours on one level of which the first needs the second.
-NEIGHBOURS = {("sampling", "numerics"), ("materials", "shapes"), ("renderer", "frame"), ("__main__", "__init__")}
+NEIGHBOURS = {
+    ("sampling", "numerics"),
+    ("materials", "shapes"),
+    ("lights", "shapes"),
+    ("textures", "texels"),
+    ("plan", "emitters"),
+    ("upload", "upload_lights"),
+    ("renderer", "frame"),
+    ("__main__", "__init__"),
+}
 EDGES = {"usd", "cli"}
 
 

@@ -7,13 +7,13 @@ import warp as wp
 from chance import SIGMAS, chi_square, polygon_irradiance, solid_angle, z_of
 
 import warprender as wr
-from warprender.lights import LIGHTS, Light
-from warprender.lights.dispatch import light_functions
-from warprender.plan import lit
-from warprender.records import LightRecord, LightSample
+from warprender.emitters import lit
+from warprender.lights import Light
+from warprender.lights.dispatch import FUNCTIONS, light_functions
+from warprender.records import DeviceScene, LightSample
 from warprender.upload import Upload
 
-ALL = tuple(sorted(kind.__name__ for kind in LIGHTS))
+ALL = tuple(sorted(FUNCTIONS))
 N = 1 << 17
 
 
@@ -22,23 +22,23 @@ def kernels():
 
     @wp.kernel(module="unique", enable_backward=False)
     def sample(
-        lights: wp.array(dtype=LightRecord),
+        scene: DeviceScene,
         p: wp.vec3,
         u: wp.array(dtype=wp.vec2),
         out: wp.array(dtype=LightSample),
     ):
         i = wp.tid()
-        out[i] = sample_light(lights[0], p, u[i])
+        out[i] = sample_light(scene, scene.lights[0], p, u[i])
 
     @wp.kernel(module="unique", enable_backward=False)
     def meet(
-        lights: wp.array(dtype=LightRecord),
+        scene: DeviceScene,
         p: wp.vec3,
         direction: wp.array(dtype=wp.vec3),
         out: wp.array(dtype=LightSample),
     ):
         i = wp.tid()
-        out[i] = meet_light(lights[0], p, direction[i])
+        out[i] = meet_light(scene, scene.lights[0], p, direction[i])
 
     return sample, meet
 
@@ -53,7 +53,7 @@ def uploaded(light: Light):
 def run(kernel, light, p, values, dtype):
     held = uploaded(light)
     out = wp.empty(len(values), dtype=LightSample)
-    wp.launch(kernel, len(values), [held.record.lights, wp.vec3(*p), wp.array(values, dtype=dtype), out])
+    wp.launch(kernel, len(values), [held.record, wp.vec3(*p), wp.array(values, dtype=dtype), out])
     return out.numpy()
 
 
@@ -300,16 +300,17 @@ def test_a_light_without_size_or_power_is_never_chosen(light):
     good = wr.SphereLight()
     upload = Upload(scene, {"/a": light, "/b": good, "/c": light}, np.zeros(3), "cpu")
     np.testing.assert_array_equal(upload.record.lights.numpy()["choice"], (0, 1, 0))
-    assert upload.record.light_cdf.numpy()[1] == 1
+    np.testing.assert_array_equal(upload.record.light_cdf.numpy(), 1)
+    np.testing.assert_array_equal(upload.record.light_nodes.numpy()["child"], -1 - 1)
     scene.lights = {"/a": light, "/b": good}
     singular = light.transform[1, 1] == 0
     assert list(lit(scene, camera_light=False)) == (["/a", "/b"] if singular else ["/b"])
 
 
-def test_a_thousand_lights_share_the_choice_without_a_gap():
-    lights = {f"/{i}": wr.SphereLight(intensity=float(i % 7)) for i in range(1000)}
+def test_a_thousand_distant_lights_share_the_choice_without_a_gap():
+    lights = {f"/{i}": wr.DistantLight(intensity=float(i % 7)) for i in range(1000)}
     upload = Upload(wr.Scene(), lights, np.zeros(3), "cpu")
-    choice = upload.record.lights.numpy()["choice"].astype(float)
+    choice = np.append(upload.record.lights.numpy()["choice"].astype(float), 0.0)
     cdf = upload.record.light_cdf.numpy()
     np.testing.assert_allclose(choice.sum(), 1.0, rtol=1e-6)
     np.testing.assert_allclose(np.diff(cdf, prepend=0), choice, atol=1e-7)

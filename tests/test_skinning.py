@@ -155,3 +155,29 @@ def test_both_methods_agree_with_usds_own_baking(method):
     baked = np.array(mesh.GetPointsAttr().Get(1.0), float)
     # Baked points are in the mesh's own space, which stands 77 above the skeleton's.
     np.testing.assert_allclose(points, baked + (0, 0, 77), atol=1e-5)
+
+
+def test_prototypes_may_contain_skinned_meshes():
+    scene = scene_of(
+        RIG % ""
+        + """def PointInstancer "p" { rel prototypes = [</r>]
+            int[] protoIndices = [0, 0]
+            point3f[] positions = [(0, 10, 0), (0, 20, 0)] }"""
+    )
+    alone, copies = scene.placements.values()
+    assert alone.shape is copies.shape
+    np.testing.assert_allclose(copies.transforms[:, 3, :3], [[100, 10, 0], [100, 20, 0]], atol=1e-9)
+
+
+def test_native_instances_of_a_rig_share_the_posed_mesh():
+    rig = (RIG % "").replace('def SkelRoot "r"', 'class SkelRoot "r"')
+    uses = "".join(
+        f"""def "i{k}" ( instanceable = true
+            inherits = </r> ) {{ double3 xformOp:translate = ({k}, 0, 0) }}"""
+        for k in range(2)
+    )
+    scene = scene_of(rig + uses)
+    first, second = scene.placements.values()
+    np.testing.assert_allclose(first.shape.points, [[0, 0, 0], [1, 1, 0], [0, 1, 0]], atol=1e-6)
+    assert [p.transforms[0, 3, 0] for p in (first, second)] == pytest.approx([0, 1])
+    assert first.shape is second.shape

@@ -70,7 +70,7 @@ def test_loop_on_a_regular_lattice_reproduces_quadratics():
 @pytest.mark.parametrize("sharpness", [0.0, 0.5, 1.0, 1.7])
 def test_the_limit_does_not_depend_on_the_level(sharpness):
     creases = dict(
-        creaseIndices=np.array([0, 1, 3, 2, 0]),
+        creaseIndices=np.array([0, 1, 2, 3, 0]),
         creaseLengths=np.array([5]),
         creaseSharpnesses=np.array([sharpness]),
     )
@@ -101,7 +101,7 @@ def test_a_cube_with_sharp_edges_stays_a_cube_with_its_normals():
 
 def test_sharpness_one_is_one_sharp_level_and_a_half_is_the_mean():
     def first_level(sharpness: float) -> np.ndarray:
-        ring = dict(creaseIndices=np.array([0, 1, 3, 2, 0]), creaseLengths=np.array([5]))
+        ring = dict(creaseIndices=np.array([0, 1, 2, 3, 0]), creaseLengths=np.array([5]))
         cage = cube_cage(creaseSharpnesses=np.array([sharpness]), **ring)
         surface = Subdivision(cage, 1)
         return surface._rules[0].refine(np.asarray(cube(2.0).points, float))
@@ -111,7 +111,7 @@ def test_sharpness_one_is_one_sharp_level_and_a_half_is_the_mean():
 
 
 def test_crease_sharpness_may_be_given_for_each_edge():
-    creases = dict(creaseIndices=np.array([0, 1, 3]), creaseLengths=np.array([3]))
+    creases = dict(creaseIndices=np.array([0, 1, 2]), creaseLengths=np.array([3]))
     level = cube_cage(creaseSharpnesses=np.array([2.0, 3.0]), **creases).topology()
     assert sorted(level.edge_sharpness[level.edge_sharpness > 0]) == [2, 3]
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from usd_stage import scene_of
 
+from warprender.renderer import Renderer
+
 SQUARE = """
     int[] faceVertexCounts = [4]
     int[] faceVertexIndices = [0, 1, 2, 3]
@@ -206,3 +208,10 @@ def test_concave_quads_are_cut_along_the_diagonal_inside():
         points = corners[turn:] + corners[:turn]
         mesh, _ = mesh_of(SQUARE.replace("[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]", str(points)))
         assert area(mesh) == pytest.approx(1.0) and (facing(mesh) > 0).all()
+
+
+def test_a_sphere_is_round_in_the_picture():
+    prims = Renderer(scene_of('def Sphere "s" { }'), None, (64, 64), outputs=("primId",)).render().numpy("primId")
+    rows, columns = np.nonzero(prims == 0)
+    box = (np.ptp(rows) + 1) * (np.ptp(columns) + 1)
+    assert len(rows) / box == pytest.approx(np.pi / 4, abs=0.03), "rays through the corners of its box miss"

@@ -91,3 +91,14 @@ def test_senseless_sizes_are_named_and_not_drawn(kind):
     scene = scene_of(f'def {kind} "bad" {{ double {name} = nan }} def {kind} "negative" {{ double {name} = -1 }}')
     assert not scene.placements
     assert [line.split(":")[0] for line in scene.warnings] == ["/bad", "/negative"]
+
+
+def test_colours_of_a_cube_go_to_hydras_faces_and_corners():
+    text = """def Cube "{0}" {{ color3f[] primvars:displayColor = {1} ( interpolation = "{0}" ) }}"""
+    faces = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1), (1, 0, 1)]
+    scene = scene_of(text.format("uniform", faces) + text.format("vertex", [*faces, (0, 0, 0), (1, 1, 1)]))
+    uniform, vertex = (scene.meshes[path] for path in ("/uniform", "/vertex"))
+    assert uniform.primvars["displayColor"].interpolation == "uniform"
+    towards_viewer = uniform.points[uniform.triangles[uniform.faces == 3]]
+    assert (towards_viewer[..., 1] == -1).all(), "yellow, the fourth, is the face towards -Y"
+    assert tuple(vertex.points[4]) == (-1, -1, -1) and len(vertex.primvars["displayColor"].values) == 8

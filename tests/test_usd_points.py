@@ -79,3 +79,20 @@ def test_a_hundred_thousand_points_cost_no_triangles():
     stage.GetPrimAtPath("/p").GetAttribute("points").Set(Vt.Vec3fArray.FromNumpy(places))
     placement = load(stage).placements["/p"]
     assert placement.transforms.shape == (100_000, 4, 4) and isinstance(placement.shape, Sphere)
+
+
+def test_colours_by_instance_reach_the_picture():
+    import warprender as wr
+
+    scene = scene_of(
+        """def Points "p" { point3f[] points = [(-1, 0, 0), (1, 0, 0)]
+            color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0)] ( interpolation = "vertex" ) }
+        def Camera "main_cam" { float2 clippingRange = (0.1, 100)
+            double3 xformOp:translate = (0, 0, 10)
+            uniform token[] xformOpOrder = ["xformOp:translate"] }"""
+    )
+    frame = wr.render(scene, resolution=(42, 30), samples=1, outputs=("albedo",))
+    albedo = frame.numpy("albedo")[:, :, :3]
+    left, right = albedo[:, :21].reshape(-1, 3), albedo[:, 21:].reshape(-1, 3)
+    assert left[:, 0].max() > 0.9 and left[:, 1].max() == 0
+    assert right[:, 1].max() > 0.9 and right[:, 0].max() == 0

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
-    from .usd import load
+    from .textures import PrimvarReader, Texture
+    from .usd import StageReader, load
     from .visibility.raster import Raster, rasterize
+    from .visibility.rays import RayCaster
 
 __version__ = "0.1.0"
 
@@ -37,13 +39,17 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "PreviewSurface": "materials",
+    "PrimvarReader": "textures",
     "Raster": "visibility.raster",
+    "RayCaster": "visibility.rays",
     "RectLight": "lights",
     "RenderPlan": "plan",
     "Renderer": "renderer",
     "Scene": "scene",
     "SceneError": "scene",
     "SphereLight": "lights",
+    "StageReader": "usd",
+    "Texture": "textures",
     "load": "usd",
     "rasterize": "visibility.raster",
     "render": "renderer",
@@ -58,13 +64,17 @@ __all__ = [
     "DomeLight",
     "Frame",
     "PreviewSurface",
+    "PrimvarReader",
     "Raster",
+    "RayCaster",
     "RectLight",
     "RenderPlan",
     "Renderer",
     "Scene",
     "SceneError",
     "SphereLight",
+    "StageReader",
+    "Texture",
     "load",
     "rasterize",
     "render",

@@ -157,6 +157,9 @@ def place_point(to_world: mat34, to_object: mat34, p: wp.vec3, error: wp.vec3):
 def offset_origin(p: wp.vec3, error: wp.vec3, normal: wp.vec3, direction: wp.vec3) -> wp.vec3:
     """A ray origin beside p on the side that direction leaves to, clear of p's error box (pbrt-v4 section 6.8.6).
 
+    It moves by no less than the box's longest side: a plane through the origin has no error across it, but the rays
+    that come back to it have.
+
     Args:
         p: The point.
         error: Its error bound.
@@ -166,9 +169,8 @@ def offset_origin(p: wp.vec3, error: wp.vec3, normal: wp.vec3, direction: wp.vec
     side = normal
     if wp.dot(direction, normal) < 0.0:
         side = -normal
-    q = p + side * wp.dot(wp.abs(normal), error)
+    q = p + side * wp.max(wp.dot(wp.abs(normal), error), max_component(error))
     for i in range(3):
-        # away even where the bound is zero: on a plane through the origin
         if side[i] > 0.0:
             q[i] = next_up(q[i])
         elif side[i] < 0.0:

@@ -12,11 +12,15 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from .camera import Camera
-from .lights import LIGHTS, CameraLight, DomeLight, Light
+from .emitters import lit
+from .lights import Light
+from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS, DisplayColor
+from .materials.inputs import FEATURES, NORMAL
 from .outputs import OUTPUTS
-from .scene import Placement, Scene, SceneError
+from .scene import Placement, Scene, SceneError, materials_of
 from .shapes import SHAPES, Mesh, Primvar, Sphere
+from .textures import Texture
 
 TRANSPORTS = ("none", "path")
 VISIBILITIES = ("rays", "raster", "painter")
@@ -24,6 +28,14 @@ VISIBILITIES = ("rays", "raster", "painter")
 #: Nanoseconds of one CPU thread, measured at 1280×720 with 100,000 triangles: a camera ray; a rasterized pixel and
 #: triangle. Of a million triangles each cost 30.
 RAY_COST, PIXEL_COST, TRIANGLE_COST = 200.0, 20.0, 100.0
+
+#: What lights may need compiled beyond their kinds, and what would call for it.
+LIGHT_EFFECTS = {
+    "ies": "shaping:ies:file",
+    "linking": "a lightLink collection that leaves prims out",
+    "shadows": "ShadowAPI, or a shadowLink collection that leaves prims out",
+    "shaping": "shaping:focus, or a shaping:cone:angle that cuts something off",
+}
 
 #: Share of the emitted light that may be lost to the end of paths when no number of bounces is given.
 BOUNCE_TOLERANCE = 1e-4
@@ -38,9 +50,11 @@ class PathKey:
     shapes: tuple[str, ...]
     materials: tuple[str, ...]
     lights: tuple[str, ...]
+    light_effects: tuple[str, ...]
     camera: tuple[str, ...]
     sampled_lights: bool
     straight_through: bool
+    features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -52,6 +66,7 @@ class OutputsKey:
     camera: tuple[str, ...]
     outputs: tuple[str, ...]
     straight_through: bool
+    features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,6 +79,7 @@ class Request:
     bounces: int | None = None
     dome_light_visible: bool = False
     lights_visible: bool = False
+    energy_compensation: bool = False
 
 
 @dataclass
@@ -128,6 +144,7 @@ def analyse(
     materials = _effects(
         plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
     )
+    features = _material_features(plan, scene, request)
     passing = _straight_through(scene)
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
@@ -138,14 +155,16 @@ def analyse(
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
-        plan.outputs = OutputsKey(shapes, materials, tuple(e for e in effects if e != "lens"), aovs, bool(passing))
+        pinhole = tuple(e for e in effects if e != "lens")
+        plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features)
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
-        kinds = _effects(plan, "light", {k.__name__ for k in LIGHTS}, _light_callers(lights), "a light of this kind")
+        kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
         why = "lights that can be aimed at" if sampled else ""
         _note(plan, "shadow rays", why, "a light other than a dome")
-        plan.path = PathKey(shapes, materials, kinds, effects, sampled, bool(passing))
+        light_effects = _light_effects(plan, lights)
+        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features)
         _bound_bounces(plan, scene, request)
     return plan
 
@@ -176,23 +195,16 @@ def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> 
 
 def everything() -> PathKey:
     """The key with every effect compiled in: another kernel, the same pictures."""
-    names = (tuple(sorted(kind.__name__ for kind in kinds)) for kinds in (SHAPES, MATERIALS, LIGHTS))
     return PathKey(
-        *names, ("clippingPlanes", "lens", "orthographic", "perspective"), sampled_lights=True, straight_through=True
+        shapes=tuple(sorted(shape.__name__ for shape in SHAPES)),
+        materials=tuple(sorted(material.__name__ for material in MATERIALS)),
+        lights=tuple(sorted(FUNCTIONS)),
+        light_effects=tuple(sorted(LIGHT_EFFECTS)),
+        camera=("clippingPlanes", "lens", "orthographic", "perspective"),
+        sampled_lights=True,
+        straight_through=True,
+        features=FEATURES,
     )
-
-
-def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
-    """The lights that emit, by path, with the camera light last when it is on."""
-    lights = {path: light for path, light in scene.lights.items() if _emits(light)}
-    if camera_light:
-        lights["camera light"] = CameraLight()
-    return lights
-
-
-def _emits(light: Light) -> bool:
-    """Whether it has a radiance and a size; a dome's power is not counted."""
-    return light.radiance().any() and (isinstance(light, DomeLight) or light.power(1.0) != 0)
 
 
 def check_outputs(names: tuple[str, ...]) -> None:
@@ -241,11 +253,6 @@ def _shape_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
-def materials_of(placement: Placement) -> list[str]:
-    """Keys of the materials that a placement shows: its own, and those of its shape's faces."""
-    return [placement.material, *getattr(placement.shape, "face_materials", {})]
-
-
 def _material_callers(scene: Scene) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, placement in scene.placements.items():
@@ -254,11 +261,46 @@ def _material_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
+def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tuple[str, ...]:
+    """What material inputs need of the kernel; notes each input that varies, and cut-outs, with the first caller."""
+    features = {"energy compensation"} if request.energy_compensation else set()
+    uses: dict[str, str] = {}
+    cut_out = ""
+    for path, placement in scene.placements.items():
+        for key in materials_of(placement):
+            material = scene.materials[key]
+            for number, (name, source) in material.varying().items():
+                reads = "texture" if isinstance(source, Texture) else "primvar"
+                features.add(reads)
+                _first(uses, f"{reads} {name}", path)
+                if number == NORMAL:
+                    features.add("normal map")
+            if material.is_cut_out():
+                cut_out = cut_out or path
+    plan.reasons |= dict(sorted(uses.items()))
+    for feature in ("normal map", "primvar", "texture"):
+        if feature not in features:
+            plan.absent[feature] = f"a material input that is connected to a {feature}"
+    _note(plan, "cut-out", cut_out, "an opacityThreshold above 0")
+    _note(plan, "energy compensation", "asked for" if request.energy_compensation else "", "--energyCompensation")
+    return tuple(sorted(features))
+
+
 def _light_callers(lights: dict[str, Light]) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, light in lights.items():
-        _first(callers, type(light).__name__, path)
+        _first(callers, light.kind(), path)
     return callers
+
+
+def _light_effects(plan: RenderPlan, lights: dict[str, Light]) -> tuple[str, ...]:
+    callers: dict[str, str] = {}
+    for path, light in lights.items():
+        for effect in light.effects():
+            _first(callers, effect, path)
+    for effect, caller in LIGHT_EFFECTS.items():
+        _note(plan, f"light {effect}", callers.get(effect, ""), caller)
+    return tuple(sorted(callers))
 
 
 def _primvar(scene: Scene, placement: Placement, key: str, name: str) -> Primvar | None:
@@ -291,7 +333,7 @@ def _largest_albedo(scene: Scene) -> float:
 
 def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
     """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted."""
-    albedo = _largest_albedo(scene)
+    albedo = 1.0 if request.energy_compensation else _largest_albedo(scene)
     bounces = request.bounces
     if bounces is None:
         bounces = MOST_BOUNCES

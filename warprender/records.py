@@ -43,6 +43,7 @@ class Surface:
     """A hit point with all that shading needs; both normals are on the side of `outgoing`.
 
     `error` bounds |position - exact| per axis; `front` says whether the authored normal faces the viewer.
+    `footprint` is the width across the ray of what one look-up at the point stands for; 0 is the point alone.
     """
 
     position: wp.vec3
@@ -54,13 +55,15 @@ class Surface:
     hit: Hit
     geometry: wp.int32
     material: wp.int32
+    footprint: wp.float32
 
 
 @wp.struct
 class Bsdf:
     """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
 
-    `present` scales all that the surface does to light but let it through.
+    `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
+    diffuse part, already scaled by it, leaves to nothing else.
     """
 
     kind: wp.int32
@@ -68,11 +71,13 @@ class Bsdf:
     diffuse: wp.vec3
     f0: wp.vec3
     f90: wp.vec3
+    multiple: wp.vec3
     alpha: wp.float32
     coat: wp.float32
     coat_f0: wp.float32
     coat_alpha: wp.float32
     present: wp.float32
+    cover: wp.float32
     pass_through: wp.float32
 
 
@@ -110,7 +115,8 @@ EVENT_PASS = wp.constant(wp.int32(3))
 class LightSample:
     """A direction towards a light, the distance to it (inf for lights at infinity), its radiance and the pdf.
 
-    pdf is per solid angle; 0 means no light there. `delta` is 1 for lights that no ray can meet.
+    pdf is per solid angle; 0 means no light there. `delta` is 1 for lights that no ray can meet. `hit` is the place on
+    geometry that glows, whose material says what it emits; for all other lights its instance is -1.
     """
 
     direction: wp.vec3
@@ -118,6 +124,7 @@ class LightSample:
     radiance: wp.vec3
     pdf: wp.float32
     delta: wp.int32
+    hit: Hit
 
 
 @wp.struct
@@ -156,17 +163,74 @@ class World:
 
 @wp.struct
 class MaterialRecord:
-    """One material: its kind, and values by the input numbers that the kind's file names."""
+    """One material: its kind, and values by the input numbers that the kind's file names.
+
+    What varies over the surface are the `varying` entries of `DeviceScene.inputs` from number `first` on; the entry
+    of a tangent-space normal is number `normal`, -1 where there is none.
+    """
 
     kind: wp.int32
     values: MaterialValues
+    first: wp.int32
+    varying: wp.int32
+    normal: wp.int32
+
+
+@wp.struct
+class InputRecord:
+    """Where input `number` comes from: a picture, a set of tiles, or with neither (-1) a primvar as it is.
+
+    `footprint` multiplies the surface's. `primvar` is the slot of the texture coordinates, or of the value itself,
+    -1 for `absent`, which also stands in where a shape has no such primvar. A picture is seen at
+    linear · coordinates + offset; `channel` is 0 … 3, or 4 for all. `tangents` is the slot of the tangents along
+    those coordinates, -1 where nothing asks for them.
+    """
+
+    number: wp.int32
+    footprint: wp.float32
+    picture: wp.int32
+    tiles: wp.int32
+    primvar: wp.int32
+    tangents: wp.int32
+    absent: wp.vec4
+    linear: wp.mat22
+    offset: wp.vec2
+    wrap_s: wp.int32
+    wrap_t: wp.int32
+    channel: wp.int32
+    scale: wp.vec4
+    bias: wp.vec4
+    fallback: wp.vec4
+
+
+@wp.struct
+class PictureRecord:
+    """A picture: its `levels`, finest first, from number `level` on; `format` is one of texels.FORMATS."""
+
+    format: wp.int32
+    level: wp.int32
+    levels: wp.int32
+
+
+@wp.struct
+class LevelRecord:
+    """One level of a picture: rows from the bottom, from word number `first` of `DeviceScene.texels` on."""
+
+    first: wp.int32
+    width: wp.int32
+    height: wp.int32
 
 
 @wp.struct
 class LightRecord:
     """One light. `linear` has the world vectors of the local axes as columns; `size` is the kind's own.
 
-    `determinant` is |det linear|; `choice` is the probability that next-event estimation picks this light.
+    `determinant` is |det linear|. `choice` is the probability that next-event estimation picks this light, or for
+    lights in the tree the probability of the tree, in which `trail` has a bit for each level, 1 for the second child.
+    `image` indexes `images`, `profile` indexes `profiles`, `links` and `shadow_links` are rows of `link_sets`: the
+    prims that the light shines on and those that keep it off; -1 for none, none, all and all.
+    `cone` has the angles from -Z at which the light begins and ends to fade, in radians. `shadow` indexes the SHADOW
+    constants. `instance` is the geometry that glows, with `triangles` of `glow_triangles` from `first_triangle` on.
     """
 
     kind: wp.int32
@@ -178,7 +242,68 @@ class LightRecord:
     size: wp.vec3
     diffuse: wp.float32
     specular: wp.float32
+    is_dome: wp.int32
     choice: wp.float32
+    trail: wp.uint64
+    image: wp.int32
+    focus: wp.float32
+    focus_tint: wp.vec3
+    cone: wp.vec2
+    profile: wp.int32
+    angle_scale: wp.float32
+    links: wp.int32
+    shadow_links: wp.int32
+    shadow: wp.int32
+    shadow_color: wp.vec3
+    shadow_distance: wp.float32
+    shadow_falloff: wp.float32
+    shadow_gamma: wp.float32
+    instance: wp.int32
+    first_triangle: wp.int32
+    triangles: wp.int32
+
+
+#: Shadows as light makes them; as ShadowAPI and shadow linking change them; and none at all.
+SHADOW_PLAIN = wp.constant(wp.int32(0))
+SHADOW_CHANGED = wp.constant(wp.int32(1))
+SHADOW_NONE = wp.constant(wp.int32(2))
+
+
+@wp.struct
+class LightNode:
+    """A node of the light tree: box, cone of emission, power. `child` is the first of two neighbours, -1 - light in
+    a leaf. Light leaves within `cos_spread`'s angle of `axis`, and fades over `cos_fade`'s angle beyond.
+    """
+
+    lower: wp.vec3
+    upper: wp.vec3
+    axis: wp.vec3
+    cos_spread: wp.float32
+    cos_fade: wp.float32
+    power: wp.float32
+    child: wp.int32
+
+
+@wp.struct
+class ImageRecord:
+    """A light's picture, and the tables by which directions are drawn from it where it is a dome's.
+
+    `rows` (R + 1) and `columns` (R, C + 1) are cumulative distributions, `density` (R, C) is per solid angle.
+    """
+
+    texels: wp.array2d(dtype=wp.vec3)
+    rows: wp.array(dtype=wp.float32)
+    columns: wp.array2d(dtype=wp.float32)
+    density: wp.array2d(dtype=wp.float32)
+
+
+@wp.struct
+class ProfileRecord:
+    """A photometric profile: `values` (H, V) over angles in radians, `horizontal` from 0 to 2π, `vertical` from -Z."""
+
+    horizontal: wp.array(dtype=wp.float32)
+    vertical: wp.array(dtype=wp.float32)
+    values: wp.array2d(dtype=wp.float32)
 
 
 @wp.struct
@@ -209,7 +334,10 @@ class GeometryRecord:
 
 @wp.struct
 class InstanceRecord:
-    """A placed shape: world = linear object + translation. `material` -1 asks the geometry's `face_material`."""
+    """A placed shape: world = linear object + translation. `material` -1 asks the geometry's `face_material`.
+
+    `light` is the light that it is, where it glows and next-event estimation aims at it; -1 otherwise.
+    """
 
     geometry: wp.int32
     material: wp.int32
@@ -218,27 +346,48 @@ class InstanceRecord:
     linear: wp.mat33
     inverse: wp.mat33
     translation: wp.vec3
+    light: wp.int32
 
 
 @wp.struct
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
-    `albedo` is `materials.albedo.albedo_table`.
+    `albedo` is `materials.albedo.albedo_table`. `tiles` has 100 picture numbers a UDIM set, -1 where there is none;
+    `decode` is the sRGB curve for the 256 codes.
+
+    `albedo` is `materials.albedo.albedo_table`. `lights` has first `finite_lights` that rays may meet, whose boxes are
+    in `light_boxes`, then `infinite_lights`, last the geometry that glows. `light_cdf` is over the infinite lights
+    and, as its last entry, the tree of all others. `link_sets` has a bit for each prim.
     """
 
     instances: wp.array(dtype=InstanceRecord)
     geometries: wp.array(dtype=GeometryRecord)
     world: World
     materials: wp.array(dtype=MaterialRecord)
-    albedo: wp.array2d(dtype=wp.vec3)
+    albedo: wp.array2d(dtype=wp.vec4)
+    energy_compensation: wp.int32
+    inputs: wp.array(dtype=InputRecord)
+    pictures: wp.array(dtype=PictureRecord)
+    levels: wp.array(dtype=LevelRecord)
+    texels: wp.array(dtype=wp.uint32)
+    tiles: wp.array(dtype=wp.int32)
+    decode: wp.array(dtype=wp.float32)
     primvars: wp.array(dtype=PrimvarRecord)
     primvar_count: wp.int32
     display_color: wp.int32
     display_opacity: wp.int32
     lights: wp.array(dtype=LightRecord)
-    light_count: wp.int32
+    finite_lights: wp.int32
+    infinite_lights: wp.int32
+    light_boxes: wp.uint64
     light_cdf: wp.array(dtype=wp.float32)
+    light_nodes: wp.array(dtype=LightNode)
+    images: wp.array(dtype=ImageRecord)
+    profiles: wp.array(dtype=ProfileRecord)
+    link_sets: wp.array2d(dtype=wp.uint32)
+    glow_triangles: wp.array(dtype=wp.int32)
+    glow_cdf: wp.array(dtype=wp.float64)
 
 
 @wp.struct

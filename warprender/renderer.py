@@ -9,17 +9,18 @@ import numpy as np
 import warp as wp
 
 from .camera import Camera
+from .emitters import lit
 from .film import Film
 from .frame import Frame
 from .framing import choose_camera, choose_resolution
 from .integrators.none import launch_outputs
 from .integrators.path import PathRequest, launch_path
 from .launch import thread_count
-from .lights.dispatch import kind_of
 from .outputs import OUTPUTS, OutputBuffers
-from .plan import RenderPlan, Request, analyse, lit
+from .plan import RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError
+from .texels import TEXTURE_BYTES
 from .upload import Upload, camera_light_at
 from .visibility.first_hits import FirstHits, RasterHits, RayHits
 
@@ -57,6 +58,9 @@ class Renderer:
         lights_visible: whether the camera sees all lights, domes among them.
         filter: reconstruction filter: "box" (one pixel wide), "triangle" (2) or "gaussian" (3).
         sampler: "sobol" (scrambled points, well spread over a pixel's samples) or "independent" numbers.
+        energy_compensation: give back what specular lobes lose between their facets; UsdPreviewSurface does not.
+        texture_bytes: most memory for pictures, 2 GiB unless asked otherwise; beyond it the largest are halved, with
+            a warning. `frame.stats["texture bytes"]` is what they take.
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
@@ -84,6 +88,8 @@ class Renderer:
         lights_visible: bool = False,
         filter: str = "box",
         sampler: str = "sobol",
+        energy_compensation: bool = False,
+        texture_bytes: int = TEXTURE_BYTES,
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -95,7 +101,9 @@ class Renderer:
         if min(self.resolution) < 1:
             raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
         outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-        self.request = Request(outputs, visibility, transport, bounces, dome_light_visible, lights_visible)
+        self.request = Request(
+            outputs, visibility, transport, bounces, dome_light_visible, lights_visible, energy_compensation
+        )
         with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = analyse(
             scene, self.camera, self.request, with_camera_light, self.resolution[0] * self.resolution[1]
@@ -104,7 +112,8 @@ class Renderer:
         lights = lit(scene, with_camera_light)
         if with_camera_light:
             camera_light_at(lights["camera light"], self.camera.transform)
-        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device)
+        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes)
+        self._upload.record.energy_compensation = int(energy_compensation)
         for warning in self._upload.warnings:
             scene.warn(warning)
         if not (scene.placements or dome_light_visible or lights_visible):
@@ -226,9 +235,8 @@ class Renderer:
         request.seed = seed & 0xFFFFFFFF
         request.sobol = int(self._sobol)
         request.bounces = int(self.plan.bounds["bounces"])
-        request.lights_visible = int(self.request.lights_visible)
-        request.dome_light_visible = int(self.request.dome_light_visible or self.request.lights_visible)
-        request.dome_kind = kind_of("DomeLight")
+        request.visible.lights = int(self.request.lights_visible)
+        request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int) -> None:
@@ -245,6 +253,7 @@ class Renderer:
             stats["rays"] = self._film.ray_counts()
             stats["error"] = self._film.relative_error()
             stats["dropped samples"] = self._film.dropped_samples()
+        stats["texture bytes"] = self._upload.texture_bytes
         stats["plan"] = self.plan.as_dict()
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}

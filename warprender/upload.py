@@ -5,25 +5,21 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from .lights import LIGHTS, CameraLight, Light
-from .materials import MATERIALS
+from .lights import CameraLight, Light
+from .material_tables import MaterialTables, Tangents
 from .materials.albedo import albedo_table
 from .records import (
-    MATERIAL_INPUTS,
     DeviceScene,
     GeometryRecord,
     InstanceRecord,
-    LightRecord,
-    MaterialRecord,
     PrimvarRecord,
 )
-from .scene import Placement, Scene
+from .scene import Placement, Scene, materials_of
 from .shapes import SHAPES, Mesh, Sphere
-from .shapes.primvar import absent_primvar
+from .shapes.primvar import INTERPOLATIONS, absent_primvar
+from .texels import TEXTURE_BYTES
+from .upload_lights import LightUpload, Placed
 from .visibility.trees import MeshTree, SphereShape, WorldTree
-
-#: Primvars that materials read, in the order of their slots.
-_PRIMVARS = ("displayColor", "displayOpacity")
 
 
 class Upload:
@@ -34,26 +30,46 @@ class Upload:
         geometries: the host's copies of `record.geometries`.
         origin: (3,) float64 world position that positions on the device are relative to; a float32 value.
         bounds: (2, 3) float64 world box of everything placed; zero size at the origin when nothing is.
+        texture_bytes: bytes that the pictures take.
         warnings: one line for each thing that could not be drawn.
     """
 
-    def __init__(self, scene: Scene, lights: dict[str, Light], origin: np.ndarray, device: str) -> None:
-        """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32."""
+    def __init__(
+        self,
+        scene: Scene,
+        lights: dict[str, Light],
+        origin: np.ndarray,
+        device: str,
+        texture_bytes: int = TEXTURE_BYTES,
+    ) -> None:
+        """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32.
+
+        Pictures are made smaller until all of them take `texture_bytes` at most.
+        """
         self.device = device
         self.origin = np.asarray(origin, np.float32).astype(np.float64)
         self.warnings: list[str] = []
         self._kept: list[object] = []
         self._materials = {key: i for i, key in enumerate(scene.materials)}
+        used = {key for placement in scene.placements.values() for key in materials_of(placement)}
+        self._tables = MaterialTables(scene.materials, used, texture_bytes)
+        self.texture_bytes = self._tables.pool.words.nbytes
+        self.warnings += self._tables.warnings
         self.geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
         self._trees: list[MeshTree | SphereShape] = []
         self.record = DeviceScene()
-        self._upload_instances(scene)
-        self._upload_materials(scene)
-        self._upload_lights(lights)
+        self._shapes: dict[int, Mesh | Sphere] = {}
+        self._drawn: dict[int, np.ndarray] = {}
+        placed = self._place(scene)
+        self._upload_materials()
+        self._lights = LightUpload(scene, lights, placed, self.record, device)
+        self.warnings += self._lights.warnings
+        self.record.instances = self._array(placed.instances, InstanceRecord)
 
-    def _upload_instances(self, scene: Scene) -> None:
+    def _place(self, scene: Scene) -> Placed:
+        """Upload the shapes and the tree of their instances; the records of the instances are still to be uploaded."""
         rows, boxes = [], []
         known: dict[tuple, int] = {}
         for prim, (path, placement) in enumerate(scene.placements.items()):
@@ -66,13 +82,14 @@ class Upload:
         table = np.concatenate(rows) if rows else np.zeros(0, InstanceRecord.numpy_dtype())
         box = np.concatenate(boxes) if boxes else np.zeros((0, 2, 3))
         self.bounds = np.stack([box[:, 0].min(0), box[:, 1].max(0)]) if len(box) else np.tile(self.origin, (2, 1))
-        self.record.instances = self._array(table, InstanceRecord)
         self.record.geometries = self._array(self.geometries, GeometryRecord)
         self.record.primvars = self._array(self._primvars, PrimvarRecord)
-        self.record.primvar_count = len(_PRIMVARS)
-        used = [any(p.interpolation >= 0 for p in self._primvars[k :: len(_PRIMVARS)]) for k in range(2)]
+        slots = len(self._tables.slots)
+        self.record.primvar_count = slots
+        used = [any(p.interpolation >= 0 for p in self._primvars[k::slots]) for k in range(2)]
         self.record.display_color, self.record.display_opacity = (k if used[k] else -1 for k in range(2))
         self._build_world(rows)
+        return Placed(table, self._shapes, self._drawn, box, self.bounds, self.origin)
 
     def _build_world(self, rows: list[np.ndarray]) -> None:
         """The trees that rays walk, over instances in the order of their records."""
@@ -100,6 +117,7 @@ class Upload:
         has_face_materials = bool(getattr(placement.shape, "face_materials", None))
         rows["material"] = -1 if has_face_materials else self._materials[placement.material]
         rows["prim"] = prim
+        rows["light"] = -1
         rows["instance_id"] = placement.instance_ids[good]
         rows["linear"] = linear
         rows["inverse"] = inverse[good]
@@ -107,6 +125,9 @@ class Upload:
         low, high = self._boxes[geometry]
         middle = np.einsum("kij,j->ki", linear, (low + high) / 2) + translation
         reach = np.einsum("kij,j->ki", np.abs(linear), (high - low) / 2)
+        # What rounding may do to a transformed vertex: its parts may be large and cancel.
+        parts = np.einsum("kij,j->ki", np.abs(linear), np.maximum(np.abs(low), np.abs(high)))
+        reach += (parts + np.abs(translation - self.origin)) * 2.0**-20
         return rows, np.stack([middle - reach, middle + reach], 1)
 
     def _geometry(self, path: str, placement: Placement, known: dict[tuple, int]) -> int:
@@ -122,13 +143,30 @@ class Upload:
             known[key] = -1
             if record is not None:
                 known[key] = len(self.geometries)
+                self._shapes[known[key]] = shape
                 record.kind = SHAPES.index(type(shape))
                 self.geometries.append(record)
-                corners = getattr(shape, "corners", np.zeros((0, 3), np.int32))
-                for name in _PRIMVARS:
-                    primvar = shape.primvars.get(name)
-                    self._primvars.append(primvar.upload(corners, self.device) if primvar else absent_primvar())
+                keep = _drawable_triangles(shape) if isinstance(shape, Mesh) else np.zeros(0, bool)
+                self._primvars += [self._primvar(shape, keep, slot) for slot in self._tables.slots]
         return known[key]
+
+    def _primvar(self, shape: Mesh | Sphere, keep: np.ndarray, slot: str | Tangents) -> PrimvarRecord:
+        """What a shape has in a slot; `keep` (T,) bool are the triangles of a mesh that are drawn."""
+        if isinstance(slot, str):
+            primvar = shape.primvars.get(slot)
+            if primvar is None:
+                return absent_primvar()
+            corners = shape.corners[keep] if isinstance(shape, Mesh) else np.zeros((0, 3), np.int32)
+            return primvar.upload(corners, self.device)
+        found = slot.of(shape, _host_points(shape)) if isinstance(shape, Mesh) else None
+        if found is None:
+            return absent_primvar()
+        tangents, rows = found
+        record = PrimvarRecord()
+        record.interpolation, record.width = INTERPOLATIONS.index("faceVarying"), tangents.shape[1]
+        record.values = self._array(tangents.reshape(-1), wp.float32)
+        record.indices = self._array(rows[keep].reshape(-1), wp.int32)
+        return record
 
     def _upload_sphere(self, sphere: Sphere) -> GeometryRecord | None:
         if not sphere.radius > 0 or not np.isfinite(sphere.radius):
@@ -141,12 +179,12 @@ class Upload:
         return record
 
     def _upload_mesh(self, path: str, mesh: Mesh, material: str) -> GeometryRecord | None:
-        points = mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points, np.float32)
-        keep = _drawable(points, mesh.triangles)
+        points, keep = _host_points(mesh), _drawable_triangles(mesh)
         if not keep.all():
             self.warnings.append(f"{path}: {int((~keep).sum())} triangles with non-finite points are not drawn")
         if not keep.any():
             return None
+        self._drawn[len(self.geometries)] = keep
         triangles = mesh.triangles[keep]
         record = GeometryRecord()
         if isinstance(mesh.points, wp.array) and keep.all() and mesh.points.device == wp.get_device(self.device):
@@ -172,51 +210,9 @@ class Upload:
             faces[subset[subset < len(faces)]] = self._materials[key]
         return faces
 
-    def _upload_materials(self, scene: Scene) -> None:
-        rows = np.zeros(len(scene.materials), MaterialRecord.numpy_dtype())
-        for row, material in zip(rows, scene.materials.values(), strict=True):
-            values = material.pack()
-            row["kind"] = MATERIALS.index(type(material))
-            row["values"][: len(values)] = values
-        assert MATERIAL_INPUTS == rows["values"].shape[1]
-        self.record.materials = self._array(rows, MaterialRecord)
-        self.record.albedo = self._array(albedo_table(), wp.vec3)
-
-    def _upload_lights(self, lights: dict[str, Light]) -> None:
-        radius = max(float(np.linalg.norm(self.bounds[1] - self.bounds[0])) / 2, 1e-6)
-        # A dark row in a scene without lights: kernels that have lights compiled in may aim at number 0.
-        rows = np.zeros(max(len(lights), 1), LightRecord.numpy_dtype())
-        power = np.zeros(len(rows))
-        for i, (path, light) in enumerate(lights.items()):
-            power[i] = self._light_row(rows[i], path, light, radius)
-        chosen = power > 0
-        if chosen.any():
-            # Half by power, half alike: no light in the scene is left to starve beside a strong one.
-            rows["choice"] = np.where(chosen, 0.5 * power / power.sum() + 0.5 / chosen.sum(), 0.0)
-        cdf = np.cumsum(rows["choice"].astype(np.float64))
-        # From the last light that is chosen on: no number below 1 reaches one that is not.
-        if chosen.any():
-            cdf[np.flatnonzero(chosen)[-1] :] = 1.0
-        self.record.lights = self._array(rows, LightRecord)
-        self.record.light_count = len(lights)
-        self.record.light_cdf = self._array(cdf.astype(np.float32), wp.float32)
-
-    def _light_row(self, row: np.void, path: str, light: Light, scene_radius: float) -> float:
-        """Fill a light's record; returns its power, 0 for one that nothing can be lit by."""
-        linear = light.local_to_world().T
-        determinant = abs(np.linalg.det(linear))
-        row["kind"] = LIGHTS.index(type(light))
-        if not np.isfinite(light.transform).all() or determinant <= 0.0:
-            self.warnings.append(f"{path}: the light's transform is singular or not finite; it gives no light")
-            return 0.0
-        row["radiance"] = light.radiance()
-        row["position"] = light.transform[3, :3] - self.origin
-        row["linear"] = linear
-        row["inverse"] = np.linalg.inv(linear)
-        row["determinant"] = determinant
-        row["size"] = light.size()
-        row["diffuse"], row["specular"] = light.diffuse, light.specular
-        return max(light.power(scene_radius), 0.0)
+    def _upload_materials(self) -> None:
+        self._kept += self._tables.fill(self.record, self.device)
+        self.record.albedo = self._array(albedo_table(), wp.vec4)
 
     def _array(self, data: np.ndarray | list, dtype: type) -> wp.array:
         array = wp.array(data, dtype=dtype, device=self.device) if len(data) else wp.empty(0, dtype=dtype)
@@ -242,8 +238,14 @@ def _inverses(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return inverses, condition
 
 
-def _drawable(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def _host_points(mesh: Mesh) -> np.ndarray:
+    """(N, 3) float32."""
+    return mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points, np.float32)
+
+
+def _drawable_triangles(mesh: Mesh) -> np.ndarray:
     """(T,) bool: triangles whose indices are in range and whose points are finite."""
+    points, triangles = _host_points(mesh), mesh.triangles
     in_range = ((triangles >= 0) & (triangles < len(points))).all(1)
     finite = np.isfinite(points).all(1)
     keep = in_range.copy()

@@ -25,7 +25,10 @@ from warprender.visibility.trees import MeshTree, SphereShape, WorldTree
 
 RAYS = int(20_000 * float(os.environ.get("WARPRENDER_RAYS", "1")))
 
-QUAD = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32), np.array([[0, 1, 2], [0, 2, 3]])
+QUAD = (
+    np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32),
+    np.array([[0, 1, 2], [0, 2, 3]]),
+)
 
 
 def closest(caster, origins, directions, **options):
@@ -236,7 +239,14 @@ def self_hits(shape, scale, shift, use_offset):
     out = rng.normal(size=(len(t), 3))
     out = wp.array((out / np.linalg.norm(out, axis=1, keepdims=True)).astype(np.float32), dtype=wp.vec3)
     origin = wp.empty_like(out)
-    inputs = [caster.points, caster.indices, wp.array(face), wp.array(u), wp.array(v), wp.array(d[hit], dtype=wp.vec3)]
+    inputs = [
+        caster.points,
+        caster.indices,
+        wp.array(face),
+        wp.array(u),
+        wp.array(v),
+        wp.array(d[hit], dtype=wp.vec3),
+    ]
     wp.launch(_bounce, len(t), inputs=[*inputs, out, use_offset], outputs=[origin])
     return float((caster.closest(origin, out).face.numpy() == face).mean())
 
@@ -374,7 +384,15 @@ def test_empty_mesh_misses(accuracy):
     "indices",
     [
         case("I16", i)
-        for i in ([0, 1, 4], [0, 1, -1], [0, 1, 2**31], [0, 1, 10**6], [0, 1], [[0, 1, 2, 3]], [0.0, 1.0, 2.0])
+        for i in (
+            [0, 1, 4],
+            [0, 1, -1],
+            [0, 1, 2**31],
+            [0, 1, 10**6],
+            [0, 1],
+            [[0, 1, 2, 3]],
+            [0.0, 1.0, 2.0],
+        )
     ],
 )
 def test_bad_indices_raise(indices):
@@ -527,7 +545,12 @@ def test_I20_sphere_from_inside_and_through():
     d = np.float32([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 1, 0]])
     assert trace(tree, o, d)[0]["t"].tolist() == [2.0, 3.0, 0.0, np.inf]
     count = wp.zeros(4, dtype=wp.int32, device="cpu")
-    wp.launch(_layers, 4, inputs=[tree.world, wp.array(o, dtype=wp.vec3), wp.array(d, dtype=wp.vec3)], outputs=[count])
+    wp.launch(
+        _layers,
+        4,
+        inputs=[tree.world, wp.array(o, dtype=wp.vec3), wp.array(d, dtype=wp.vec3)],
+        outputs=[count],
+    )
     assert count.numpy().tolist() == [1, 2, 1, 0]
 
 
@@ -594,6 +617,65 @@ def test_thin_instances_are_hit_from_afar(distance):
         alone = trace(tree, o, d)[0]["t"]
         assert np.isfinite(alone).mean() > 0.5
         assert (among_all <= alone).all()
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _bounce_placed(
+    world: World,
+    points: wp.array(dtype=wp.vec3),
+    faces: wp.array(dtype=wp.int32),
+    origins: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    out: wp.array(dtype=wp.vec3),
+    same: wp.array(dtype=wp.int32),
+):
+    """1 where a bounce off an instance meets the very face it leaves, -1 where nothing was hit at first."""
+    i = wp.tid()
+    hit = scene_closest(world, Ray(origins[i], directions[i], wp.inf))
+    if hit.face < 0:
+        same[i] = -1
+        return
+    place = world.instances[hit.instance]
+    p0 = points[faces[3 * hit.face]]
+    p1 = points[faces[3 * hit.face + 1]]
+    p2 = points[faces[3 * hit.face + 2]]
+    p, error = triangle_point(p0, p1, p2, hit.u, hit.v)
+    q, bound = place_point(place.to_world, place.to_object, p, error)
+    n = wp.cross((p1 - p0) / wp.length(p1 - p0), (p2 - p0) / wp.length(p2 - p0))
+    m = place.to_object
+    n = wp.normalize(
+        wp.vec3(
+            m[0, 0] * n[0] + m[1, 0] * n[1] + m[2, 0] * n[2],
+            m[0, 1] * n[0] + m[1, 1] * n[1] + m[2, 1] * n[2],
+            m[0, 2] * n[0] + m[1, 2] * n[1] + m[2, 2] * n[2],
+        )
+    )
+    if wp.dot(n, directions[i]) > 0.0:
+        n = -n
+    d = out[i]
+    if wp.dot(n, d) < 0.0:
+        d = -d
+    again = scene_closest(world, Ray(offset_origin(q, bound, n, d), d, wp.inf))
+    same[i] = wp.where(again.instance == hit.instance and again.face == hit.face, 1, 0)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("size", "shift"), [case("I11", *v) for v in ((1.0, 0.0), (1e-3, 0.0), (1.0, 1e4))])
+def test_no_self_hits_of_instances(shape, size, shift):
+    rng = np.random.default_rng(22)
+    points, faces = placed(shape)
+    place = placements(20, rng, size, 10 * size)
+    place[:, :, 3] += shift
+    tree = WorldTree([mesh_tree(points, faces)], [0] * 20, place, "cpu")
+    i = rng.integers(0, 20, RAYS)
+    o = place[i, :, 3] + rng.normal(size=(RAYS, 3)) * 20 * size
+    d = place[i, :, 3] + rng.uniform(-0.3, 0.3, (RAYS, 3)) * size - o
+    o, d, out = (wp.array(a.astype(np.float32), dtype=wp.vec3) for a in (o, d, rng.normal(size=(RAYS, 3))))
+    same = wp.empty(RAYS, dtype=wp.int32)
+    shape = [wp.array(points, dtype=wp.vec3), wp.array(faces.ravel(), dtype=wp.int32)]
+    wp.launch(_bounce_placed, RAYS, inputs=[tree.world, *shape, o, d, out], outputs=[same])
+    assert (same.numpy() >= 0).mean() > 0.9
+    assert (same.numpy() == 1).sum() == 0
 
 
 def test_world_of_one_is_the_mesh_itself():
@@ -694,7 +776,11 @@ def _scalar_trace():
         i = wp.tid()
         bits = closest_hit(world, origins[i], directions[i], t_max, -1.0, -1, -1)
         hits[i] = Hit(
-            wp.cast(bits[0], wp.float32), bits[1], bits[2], wp.cast(bits[3], wp.float32), wp.cast(bits[4], wp.float32)
+            wp.cast(bits[0], wp.float32),
+            bits[1],
+            bits[2],
+            wp.cast(bits[3], wp.float32),
+            wp.cast(bits[4], wp.float32),
         )
         occluded[i] = occluded_hit(world, origins[i], directions[i], t_max)
 

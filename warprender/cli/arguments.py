@@ -30,6 +30,7 @@ def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="PURPOSE[,PURPOSE...]",
         help="purposes drawn besides default (default: proxy)",
     )
+    group.add_argument("--disableDrawMode", action="store_true", help="draw models that ask for boxes or cards in full")
     group.add_argument("--sessionLayer", metavar="FILE", help="open the stage with this session layer")
     group.add_argument(
         "--variant",
@@ -155,6 +156,11 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
         type=count,
         metavar="COUNT",
         help="reflections followed after the camera's hit (default: as many as matter)",
+    )
+    group.add_argument(
+        "--energyCompensation",
+        action="store_true",
+        help="give back the light that rough specular lobes lose, which UsdPreviewSurface does not",
     )
     group.add_argument(
         "--seed", type=count, default=0, metavar="NUMBER", help="another gives an independent picture (default: 0)"

@@ -25,11 +25,11 @@ def run(args: argparse.Namespace) -> int:
     """Print the plan of the picture, of the first one when --frames asks for several."""
     from .quiet import start_warp
     from .report import Warnings
-    from .request import build_renderer, load_scene, remarks, times
+    from .request import build_renderer, open_stage, remarks, times
 
     time = times(args)[0]
     start_warp(args.device)
-    scene = load_scene(args, time)
+    scene = open_stage(args).read(time)
     Warnings().show([*remarks(args), *scene.warnings])
     plan = build_renderer(args, scene).plan
     if args.json:

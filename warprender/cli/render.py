@@ -12,6 +12,7 @@ from .progress import progress_bar
 from .report import Warnings, interrupted, write_stats
 
 if TYPE_CHECKING:
+    from .. import StageReader
     from ..frame import Frame
 
 
@@ -37,16 +38,17 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
 def run(args: argparse.Namespace) -> int:
     """Draw and save each frame; after an interruption, save what is finished and stop."""
     from .quiet import start_warp
-    from .request import remarks, times
+    from .request import open_stage, remarks, times
 
     paths = frame_paths(args.output, args.frames)
     warnings = Warnings()
     warnings.show(remarks(args))
     warnings.show(_check_destinations(args, paths))
     start_warp(args.device)
+    stage = open_stage(args)
     finished = []
     for time, path in zip(times(args), paths, strict=True):
-        frame = _draw(args, time, Path(path).name, warnings)
+        frame = _draw(args, stage, time, Path(path).name, warnings)
         frame.save(path, args.colorCorrectionMode)
         print(f"{path}: {frame!r}", flush=True)
         finished.append({"picture": path, "time": time, **frame.stats})
@@ -59,12 +61,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _draw(args: argparse.Namespace, time: float | None, title: str, warnings: Warnings) -> Frame:
+def _draw(args: argparse.Namespace, stage: StageReader, time: float | None, title: str, warnings: Warnings) -> Frame:
     """One frame, with a progress bar on a terminal."""
-    from .request import build_renderer, load_scene
+    from .request import build_renderer
 
     with progress_bar(title) as progress:
-        scene = load_scene(args, time)
+        scene = stage.read(time)
         warnings.show(scene.warnings)
         frame = build_renderer(args, scene).render(
             samples=args.samples, error=args.error, seconds=args.seconds, seed=args.seed, progress=progress

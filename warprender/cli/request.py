@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .. import StageReader
     from ..renderer import Renderer
     from ..scene import Scene
 
@@ -20,26 +21,26 @@ def times(args: argparse.Namespace) -> list[float | None]:
     return [DEFAULT_TIME if args.defaultTime else None]
 
 
-def load_scene(args: argparse.Namespace, time: float | None) -> Scene:
-    """The stage at one of `times`.
+def open_stage(args: argparse.Namespace) -> StageReader:
+    """The stage, to be read at each of `times`.
 
     Raises:
         SceneError: the stage, or something that a flag names in it, cannot be read.
     """
-    from .. import load
+    from .. import StageReader
 
     variants: dict[str, dict[str, str]] = {}
     for prim, name, value in args.variant:
         variants.setdefault(prim, {})[name] = value
-    return load(
+    return StageReader(
         args.stage,
-        time=time,
         purposes=args.purposes,
         variants=variants or None,
         mask=args.mask,
         session_layer=args.sessionLayer,
         complexity=args.complexity,
         render_settings=args.renderSettingsPrimPath,
+        draw_modes=not args.disableDrawMode,
     )
 
 
@@ -69,6 +70,7 @@ def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
         lights_visible=args.enableLightVisibility,
         filter=args.filter,
         sampler=args.sampler,
+        energy_compensation=args.energyCompensation,
     )
 
 

@@ -8,13 +8,15 @@ import warp as wp
 
 from ..color import LUMINANCE
 from ..numerics import PI
-from ..records import LightRecord, LightSample
-from .light import Light
+from ..records import DeviceScene, LightRecord, LightSample
+from .light import Light, no_light
 
 
 @dataclass
 class CameraLight(Light):
     """A point at the camera without falloff: a facing white Lambert surface reads 1 at any distance."""
+
+    infinite = True
 
     def power(self, scene_radius: float) -> float:
         """Power through a disk as large as the scene."""
@@ -22,9 +24,9 @@ class CameraLight(Light):
 
 
 @wp.func
-def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
+def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
     """The direction to the camera; an irradiance of π makes a white Lambert surface read 1."""
-    result = LightSample()
+    result = no_light()
     towards = light.position - p
     distance = wp.length(towards)
     if distance > 0.0:
@@ -37,6 +39,6 @@ def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
 
 
 @wp.func
-def meet(light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
+def meet(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
     """Nothing: a point."""
-    return LightSample()
+    return no_light()

@@ -8,9 +8,9 @@ import numpy as np
 import warp as wp
 
 from ..numerics import PI
-from ..records import LightRecord, LightSample
+from ..records import DeviceScene, LightRecord, LightSample
 from ..sampling import unit_disk
-from .light import Light, flat_to_world, local_sample, point_to_light
+from .light import Light, flat_to_world, forwards, local_sample, no_light, point_to_light
 
 
 @dataclass
@@ -32,6 +32,14 @@ class DiskLight(Light):
         x, y, _ = self.local_to_world() * self.radius
         return float(np.pi * np.linalg.norm(np.cross(x, y)))
 
+    def half_extent(self) -> tuple[float, float, float]:
+        """Flat."""
+        return (self.radius, self.radius, 0.0)
+
+    def emission_cone(self) -> tuple[np.ndarray, float, float]:
+        """To one side."""
+        return forwards(self)
+
     def local_to_world(self) -> np.ndarray:
         """(3, 3) for row vectors."""
         return flat_to_world(self.transform)
@@ -44,11 +52,11 @@ def disk_pdf(radius: float, direction: wp.vec3, distance: float) -> float:
 
 
 @wp.func
-def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
+def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
     """A direction from p to the light."""
     q = point_to_light(light, p)
     if q[2] >= 0.0:
-        return LightSample()
+        return no_light()
     place = unit_disk(u) * light.size[0]
     to_place = wp.vec3(place[0] - q[0], place[1] - q[1], -q[2])
     distance = wp.length(to_place)
@@ -57,15 +65,15 @@ def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
 
 
 @wp.func
-def meet(light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
+def meet(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
     """What a ray meets of the light."""
     q = point_to_light(light, origin)
     local = wp.normalize(light.inverse * direction)
     if q[2] >= 0.0 or local[2] <= 0.0:
-        return LightSample()
+        return no_light()
     t = -q[2] / local[2]
     x = q[0] + t * local[0]
     y = q[1] + t * local[1]
     if x * x + y * y > light.size[0] * light.size[0]:
-        return LightSample()
+        return no_light()
     return local_sample(light, local, t, disk_pdf(light.size[0], local, t))

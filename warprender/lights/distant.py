@@ -9,9 +9,9 @@ import warp as wp
 
 from ..color import LUMINANCE
 from ..numerics import PI, from_frame, safe_normalize, tangent_of
-from ..records import LightRecord, LightSample
+from ..records import DeviceScene, LightRecord, LightSample
 from ..sampling import uniform_cone
-from .light import Light, infinite_sample, linear_part
+from .light import Light, infinite_sample, linear_part, no_light
 
 
 @dataclass
@@ -27,6 +27,8 @@ class DistantLight(Light):
     intensity: float = 50000.0
     angle: float = 0.53
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+
+    infinite = True
 
     def half_angle(self) -> float:
         """Half the cone's angle in radians, clamped to 0…π."""
@@ -55,7 +57,11 @@ class DistantLight(Light):
         if length == 0.0:
             return np.zeros((3, 3))
         towards = towards / length
-        side = np.cross(np.eye(3)[np.argmin(np.abs(towards))], towards)
+        # Local X where it can be, so that a photometric profile keeps its azimuth.
+        side = linear_part(self.transform)[0]
+        side = side - (side @ towards) * towards
+        if np.linalg.norm(side) < 1e-6 * np.linalg.norm(linear_part(self.transform)[0]):
+            side = np.cross(np.eye(3)[np.argmin(np.abs(towards))], towards)
         side = side / np.linalg.norm(side)
         return np.stack([side, np.cross(towards, side), towards])
 
@@ -67,7 +73,7 @@ def axis_of(light: LightRecord) -> wp.vec3:
 
 
 @wp.func
-def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
+def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
     """A direction towards the light; a light of angle 0 is a delta light with pdf 1."""
     axis = axis_of(light)
     cone = light.size[0]
@@ -80,11 +86,11 @@ def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
 
 
 @wp.func
-def meet(light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
+def meet(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
     """What a ray meets of the light."""
     cone = light.size[0]
     # |a - b|² / 2 = 1 - cos, without cancellation for narrow cones.
     away = direction - axis_of(light)
     if cone <= 0.0 or 0.5 * wp.dot(away, away) > cone:
-        return LightSample()
+        return no_light()
     return infinite_sample(direction, light.radiance, 1.0 / (2.0 * PI * cone))

@@ -1,4 +1,4 @@
-"""What every UsdLux light has in common: emission, and its place in the world."""
+"""What every UsdLux light has in common: emission, shaping, shadows, links, and its place in the world."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ import warp as wp
 from ..color import LUMINANCE, blackbody_tint
 from ..numerics import INFINITY
 from ..records import LightRecord, LightSample
+from .shadow import Shadow
+from .shaping import Shaping
+
+#: Rounding may put a point at the rim of a cone of light this much outside of it, in radians.
+_RIM = 0.01
 
 
 @dataclass
@@ -27,6 +32,10 @@ class Light:
         enableColorTemperature: tint by `colorTemperature`.
         colorTemperature: kelvin; 6500 is near white.
         transform: (4, 4) float64 light-to-world matrix for row vectors; lights emit towards local -Z.
+        shaping: how emission depends on its direction.
+        shadow: how much of its shadows it shows.
+        unlit: paths of prims that it does not shine on.
+        unshadowed: paths of prims that do not cast shadows of it.
     """
 
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -38,32 +47,74 @@ class Light:
     enableColorTemperature: bool = False
     colorTemperature: float = 6500.0
     transform: np.ndarray = field(default_factory=lambda: np.eye(4))
+    shaping: Shaping = field(default_factory=Shaping)
+    shadow: Shadow = field(default_factory=Shadow)
+    unlit: frozenset[str] = frozenset()
+    unshadowed: frozenset[str] = frozenset()
+
+    #: Whether it is infinitely far away, or else has no place in the tree of lights.
+    infinite = False
 
     def size_factor(self) -> float:
         """What `normalize` divides by; a light without a size answers 1."""
         return 1.0
 
     def radiance(self) -> np.ndarray:
-        """Emitted radiance (3,) float64, linear Rec.709; all-zero where an input is not finite."""
+        """Emitted radiance (3,) float64, linear Rec.709, before shaping and texture; 0 where an input is not finite."""
         value = np.asarray(self.color, np.float64) * self.intensity * 2.0**self.exposure
         if self.enableColorTemperature:
             value = value * blackbody_tint(self.colorTemperature)
         if self.normalize:
             size = self.size_factor()
             value = value / size if size > 0 else np.zeros(3)
+        value = value * self.shaping.profile_scale()
         return value if np.isfinite(value).all() else np.zeros(3)
+
+    def kind(self) -> str:
+        """Name of the device functions that draw it."""
+        return type(self).__name__
 
     def size(self) -> tuple[float, float, float]:
         """The kind's own sizes, as its device functions read them from `LightRecord.size`."""
         return (0.0, 0.0, 0.0)
 
+    def half_extent(self) -> tuple[float, float, float]:
+        """Half the size of its box about the light's origin, in light space."""
+        return (0.0, 0.0, 0.0)
+
     def power(self, scene_radius: float) -> float:
         """Emitted power of a grey light, roughly; 0 keeps next-event estimation from choosing the light."""
-        return float(self.radiance() @ LUMINANCE) * np.pi * self.size_factor()
+        return float(self.radiance() @ LUMINANCE) * np.pi * self.size_factor() * self.profile_mean()
+
+    def profile_mean(self) -> float:
+        """Mean of the photometric profile over all directions, 1 without one."""
+        profile = self.shaping.iesProfile
+        return profile.power() / (4 * np.pi) if profile is not None else 1.0
+
+    def emission_cone(self) -> tuple[np.ndarray, float, float]:
+        """Axis in light space, angle of full emission about it, and angle over which it fades beyond, in radians."""
+        cut = self._cut(np.pi)
+        return np.array([0.0, 0.0, -1.0]), cut, np.pi / 2 if cut == np.pi else _RIM
+
+    def _cut(self, widest: float) -> float:
+        """Angle in the world from the light's axis beyond which its cone cuts all emission; at most `widest`."""
+        cut = self.shaping.cone()[1]
+        if cut >= widest:
+            return widest
+        linear = linear_part(self.transform)
+        scale2 = np.sum(linear * linear) / 3
+        if not np.allclose(linear @ linear.T, scale2 * np.eye(3), atol=1e-4 * scale2):
+            return widest
+        return cut
 
     def local_to_world(self) -> np.ndarray:
         """(3, 3) linear part for row vectors, that the device inverts; flat lights mend their normal here."""
         return linear_part(self.transform)
+
+    def effects(self) -> tuple[str, ...]:
+        """Names of what it needs compiled beyond its kind."""
+        shadows = () if self.shadow.is_plain() and not self.unshadowed else ("shadows",)
+        return (*self.shaping.effects(), *shadows, *(("linking",) if self.unlit else ()))
 
 
 def linear_part(transform: np.ndarray) -> np.ndarray:
@@ -71,18 +122,26 @@ def linear_part(transform: np.ndarray) -> np.ndarray:
     return np.asarray(transform, np.float64)[:3, :3]
 
 
-def flat_to_world(transform: np.ndarray) -> np.ndarray:
-    """Linear part of a light in its XY plane, with z replaced by the unit normal on the authored side.
+def forwards(light: Light) -> tuple[np.ndarray, float, float]:
+    """Cone of emission of a flat light."""
+    cut = light._cut(np.pi / 2)
+    return np.array([0.0, 0.0, -1.0]), 0.0, cut if cut == np.pi / 2 else cut + _RIM
 
-    A scale of 0 along z, or shear towards it, changes nothing about a flat light.
+
+def flat_to_world(transform: np.ndarray) -> np.ndarray:
+    """Linear part of a light in its XY plane, with z made normal to it, on the authored side.
+
+    A scale of 0 along z, or shear towards it, changes nothing about a flat light. The normal keeps the authored
+    height, by which shaping measures its angles, where there is one.
     """
     x, y, z = linear_part(transform)
     normal = np.cross(x, y)
-    length = np.linalg.norm(normal)
-    if length == 0.0:
+    area = np.linalg.norm(normal)
+    if area == 0.0:
         return np.zeros((3, 3))
-    normal = normal / length
-    return np.stack([x, y, -normal if z @ normal < 0 else normal])
+    normal = normal / area
+    height = z @ normal
+    return np.stack([x, y, normal * (height if height != 0.0 else np.sqrt(area))])
 
 
 @wp.func
@@ -97,7 +156,7 @@ def local_sample(light: LightRecord, direction: wp.vec3, distance: float, pdf: f
 
     Solid angle changes by |det M| / |M d|³ from the direction d to the direction M d.
     """
-    result = LightSample()
+    result = no_light()
     world = light.linear * direction
     stretch = wp.length(world)
     if pdf > 0.0 and stretch > 0.0:
@@ -111,9 +170,17 @@ def local_sample(light: LightRecord, direction: wp.vec3, distance: float, pdf: f
 @wp.func
 def infinite_sample(direction: wp.vec3, radiance: wp.vec3, pdf: float) -> LightSample:
     """Sample of a light at infinity."""
-    result = LightSample()
+    result = no_light()
     result.direction = direction
     result.distance = INFINITY
     result.radiance = radiance
     result.pdf = pdf
+    return result
+
+
+@wp.func
+def no_light() -> LightSample:
+    """The sample where there is no light."""
+    result = LightSample()
+    result.hit.instance = -1
     return result

@@ -8,8 +8,9 @@ import numpy as np
 import warp as wp
 
 from ..numerics import PI
-from ..records import LightRecord, LightSample
-from .light import Light, flat_to_world, local_sample, point_to_light
+from ..records import DeviceScene, LightRecord, LightSample
+from .environment import LightTexture, texel_at
+from .light import Light, flat_to_world, forwards, local_sample, no_light, point_to_light
 
 #: Below this solid angle the closed form has lost its digits in float32; the rectangle is sampled by area.
 _SMALLEST_SOLID_ANGLE = wp.constant(wp.float32(0.02))
@@ -22,10 +23,20 @@ class RectLight(Light):
     Attributes:
         width: along local X, in light space: scene units unless `transform` scales.
         height: along local Y, likewise.
+        texture: multiplies the radiance; its first texel is at (+X, +Y), so that it reads right from the lit side.
     """
 
     width: float = 1.0
     height: float = 1.0
+    texture: LightTexture | None = None
+
+    def kind(self) -> str:
+        """One of its own with a texture."""
+        return "RectLight" if self.texture is None else "RectLight.texture"
+
+    def power(self, scene_radius: float) -> float:
+        """With the texture's mean."""
+        return super().power(scene_radius) * (1.0 if self.texture is None else self.texture.mean())
 
     def size(self) -> tuple[float, float, float]:
         """Half width, half height."""
@@ -35,6 +46,14 @@ class RectLight(Light):
         """World area."""
         x, y, _ = self.local_to_world()
         return float(np.linalg.norm(np.cross(x * self.width, y * self.height)))
+
+    def half_extent(self) -> tuple[float, float, float]:
+        """Flat."""
+        return self.size()
+
+    def emission_cone(self) -> tuple[np.ndarray, float, float]:
+        """To one side."""
+        return forwards(self)
 
     def local_to_world(self) -> np.ndarray:
         """(3, 3) for row vectors."""
@@ -109,11 +128,11 @@ def density(light: LightRecord, r: SphericalRect, direction: wp.vec3, distance: 
 
 
 @wp.func
-def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
+def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
     """A direction from p to the light."""
     q = point_to_light(light, p)
     if q[2] >= 0.0:
-        return LightSample()
+        return no_light()
     r = spherical_rect(light, q)
     place = wp.vec3(r.x0 + u[0] * (r.x1 - r.x0), r.y0 + u[1] * (r.y1 - r.y0), -r.z0)
     if r.solid_angle >= _SMALLEST_SOLID_ANGLE:
@@ -124,13 +143,37 @@ def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
 
 
 @wp.func
-def meet(light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
+def meet(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
     """What a ray meets of the light."""
     q = point_to_light(light, origin)
     local = wp.normalize(light.inverse * direction)
     if q[2] >= 0.0 or local[2] <= 0.0:
-        return LightSample()
+        return no_light()
     t = -q[2] / local[2]
     if wp.abs(q[0] + t * local[0]) > light.size[0] or wp.abs(q[1] + t * local[1]) > light.size[1]:
-        return LightSample()
+        return no_light()
     return local_sample(light, local, t, density(light, spherical_rect(light, q), local, t))
+
+
+@wp.func
+def textured(scene: DeviceScene, light: LightRecord, p: wp.vec3, plain: LightSample) -> LightSample:
+    """The sample with the texel of the place that it meets."""
+    result = plain
+    if plain.pdf > 0.0:
+        place = point_to_light(light, p + plain.direction * plain.distance)
+        u = 0.5 - 0.5 * place[0] / light.size[0]
+        v = 0.5 - 0.5 * place[1] / light.size[1]
+        result.radiance = wp.cw_mul(plain.radiance, texel_at(scene.images[light.image], u, v, False))
+    return result
+
+
+@wp.func
+def sample_textured(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
+    """`sample` with the light's texture."""
+    return textured(scene, light, p, sample(scene, light, p, u))
+
+
+@wp.func
+def meet_textured(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
+    """`meet` with the light's texture."""
+    return textured(scene, light, origin, meet(scene, light, origin, direction))

@@ -8,9 +8,9 @@ import numpy as np
 import warp as wp
 
 from ..numerics import PI, from_frame, tangent_of
-from ..records import LightRecord, LightSample
+from ..records import DeviceScene, LightRecord, LightSample
 from ..sampling import one_minus_cos, uniform_cone
-from .light import Light, linear_part, local_sample, point_to_light
+from .light import Light, linear_part, local_sample, no_light, point_to_light
 
 
 @dataclass
@@ -34,6 +34,10 @@ class SphereLight(Light):
         a, b, c = np.linalg.norm(linear_part(self.transform), axis=1) * self.radius
         p = 1.6
         return 4.0 * np.pi * (((a * b) ** p + (a * c) ** p + (b * c) ** p) / 3.0) ** (1.0 / p)
+
+    def half_extent(self) -> tuple[float, float, float]:
+        """The radius on all sides."""
+        return (self.radius,) * 3
 
 
 @wp.func
@@ -60,14 +64,14 @@ def distance_to(radius: float, origin: wp.vec3, direction: wp.vec3) -> float:
 
 
 @wp.func
-def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
+def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
     """A direction from p to the light."""
     radius = light.size[0]
     q = point_to_light(light, p)
     d = wp.length(q)
     cone = cone_of(radius, d)
     if cone <= 0.0:
-        return LightSample()
+        return no_light()
     axis = -q / d
     local = uniform_cone(u, cone)
     direction = from_frame(tangent_of(axis), axis, local)
@@ -79,12 +83,12 @@ def sample(light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
 
 
 @wp.func
-def meet(light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
+def meet(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
     """What a ray meets of the light."""
     q = point_to_light(light, origin)
     local = wp.normalize(light.inverse * direction)
     cone = cone_of(light.size[0], wp.length(q))
     t = distance_to(light.size[0], q, local)
     if t < 0.0 or cone <= 0.0:
-        return LightSample()
+        return no_light()
     return local_sample(light, local, t, 1.0 / (2.0 * PI * cone))

@@ -6,14 +6,14 @@ import numpy as np
 
 from .mesh import Mesh
 
-#: Corners of a cube by their bits (x, y, z), and its faces, counter-clockwise seen from outside.
-CUBE_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6))
+#: Corners and faces of a cube in Hydra's order, which primvars by vertex and by face follow.
+CUBE_CORNERS = ((1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1), (-1, -1, -1), (-1, 1, -1), (1, 1, -1), (1, -1, -1))
+CUBE_FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 6, 5, 1), (4, 7, 3, 2), (0, 3, 7, 6), (4, 2, 1, 5))
 
 
 def cube(size: float) -> Mesh:
     """UsdGeomCube: edges of length `size`, centred."""
-    corners = (np.arange(8)[:, None] >> np.arange(3)) & 1
-    points = ((corners - 0.5) * size).astype(np.float32)
+    points = (np.array(CUBE_CORNERS) * (size / 2)).astype(np.float32)
     return Mesh.from_polygons(points, np.full(6, 4), np.reshape(CUBE_FACES, -1))
 
 

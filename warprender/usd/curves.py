@@ -7,6 +7,7 @@ from pxr import Usd, UsdGeom
 
 from ..shapes import Mesh, Primvar
 from ..shapes.curves import Curves
+from ..shapes.nurbs import SplineCurves
 from ..shapes.tubes import ribbons, tubes
 from .geometry import read_points
 from .primvars import read_builtin, read_primvars
@@ -21,7 +22,7 @@ def read_curves(reading: Reading, prim: Usd.Prim) -> Mesh | None:
     schema = UsdGeom.BasisCurves(prim)
     points = read_points(reading, schema)
     counts = np.array(reading.get(schema.GetCurveVertexCountsAttr()) or [], np.int64)
-    if points is None or not len(counts) or not _is_sound(reading, prim, points, counts):
+    if points is None or not len(counts) or not is_sound(reading, prim, points, counts):
         return None
     curves = Curves(
         counts,
@@ -35,7 +36,7 @@ def read_curves(reading: Reading, prim: Usd.Prim) -> Mesh | None:
         "varying": int(curves.varying_counts.sum()),
         "vertex": len(points),
     }
-    return _mesh(reading, prim, curves, points.astype(np.float64), sizes)
+    return tubes_or_ribbons(reading, prim, curves, points.astype(np.float64), sizes)
 
 
 def read_hermite_curves(reading: Reading, prim: Usd.Prim) -> Mesh | None:
@@ -43,7 +44,7 @@ def read_hermite_curves(reading: Reading, prim: Usd.Prim) -> Mesh | None:
     schema = UsdGeom.HermiteCurves(prim)
     points = read_points(reading, schema)
     counts = np.array(reading.get(schema.GetCurveVertexCountsAttr()) or [], np.int64)
-    if points is None or not len(counts) or not _is_sound(reading, prim, points, counts):
+    if points is None or not len(counts) or not is_sound(reading, prim, points, counts):
         return None
     tangents = np.array(reading.get(schema.GetTangentsAttr()) or [], np.float64).reshape(-1, 3)
     if len(tangents) != len(points) or (counts < 2).any() or not np.isfinite(tangents).all():
@@ -56,10 +57,12 @@ def read_hermite_curves(reading: Reading, prim: Usd.Prim) -> Mesh | None:
     inner[3 * (ends - counts)] = inner[3 * ends - 1] = False
     curves = Curves(3 * counts - 2, "cubic", "bezier")
     sizes = {"constant": 1, "uniform": len(counts), "varying": len(points), "vertex": len(points)}
-    return _mesh(reading, prim, curves, control[inner], sizes)
+    return tubes_or_ribbons(reading, prim, curves, control[inner], sizes)
 
 
-def _mesh(reading: Reading, prim: Usd.Prim, curves: Curves, points: np.ndarray, sizes: dict[str, int]) -> Mesh:
+def tubes_or_ribbons(
+    reading: Reading, prim: Usd.Prim, curves: Curves | SplineCurves, points: np.ndarray, sizes: dict[str, int]
+) -> Mesh:
     """Tubes or ribbons with the prim's widths, normals and primvars."""
     thin = Primvar([[np.linalg.norm(np.ptp(points, axis=0)) * DEFAULT_WIDTH]])
     widths = _sampled(curves, read_builtin(reading, prim, "widths", sizes, 1) or thin)[:, 0]
@@ -75,7 +78,7 @@ def _mesh(reading: Reading, prim: Usd.Prim, curves: Curves, points: np.ndarray, 
     return mesh
 
 
-def _sampled(curves: Curves, primvar: Primvar) -> np.ndarray:
+def _sampled(curves: Curves | SplineCurves, primvar: Primvar) -> np.ndarray:
     """Values (S, K) at the samples."""
     values = primvar.expanded().astype(np.float64)
     if primvar.interpolation == "constant":
@@ -88,7 +91,8 @@ def _sampled(curves: Curves, primvar: Primvar) -> np.ndarray:
     return curves.positions(values)
 
 
-def _is_sound(reading: Reading, prim: Usd.Prim, points: np.ndarray, counts: np.ndarray) -> bool:
+def is_sound(reading: Reading, prim: Usd.Prim, points: np.ndarray, counts: np.ndarray) -> bool:
+    """Whether the points are finite and the curves use all of them; a remark where not."""
     if (counts < 0).any() or counts.sum() != len(points):
         reading.remark(prim, f"curveVertexCounts add up to {counts.sum()}, there are {len(points)} points")
         return False

@@ -25,6 +25,9 @@ KINDS: dict[str, tuple[tuple[str, ...], Callable[..., Mesh | Sphere]]] = {
     "Plane": (("width", "length", "axis", "doubleSided"), plane),
 }
 
+#: Elements that primvars may count on, by interpolation: those of Hydra's cube; a round shape takes one value.
+SIZES = {"Cube": {"constant": 1, "uniform": 6, "vertex": 8, "varying": 8, "faceVarying": 24}}
+
 
 def read_gprim(reading: Reading, prim: Usd.Prim) -> Mesh | Sphere | None:
     """An intrinsic shape, or None where it has no extent; prims that look alike share one."""
@@ -37,8 +40,9 @@ def read_gprim(reading: Reading, prim: Usd.Prim) -> Mesh | Sphere | None:
         return None
     if max(sizes) == 0:
         return None
-    primvars = read_primvars(reading, prim, SINGLE)
-    key = (prim.GetTypeName(), values, tuple((n, p.values.tobytes()) for n, p in primvars.items()))
+    primvars = read_primvars(reading, prim, SIZES.get(prim.GetTypeName(), SINGLE))
+    looks = ((name, p.interpolation, p.expanded().tobytes()) for name, p in primvars.items())
+    key = (prim.GetTypeName(), values, tuple(looks))
     if key not in reading.shapes:
         shape = build(*values)
         shape.primvars.update(primvars)

@@ -1,58 +1,121 @@
-"""UsdLux lights."""
+"""UsdLux lights: kinds, inputs, textures. What their further schemas say is read in `light_apis`."""
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
-from pxr import Usd, UsdLux
+from pxr import Sdf, Usd, UsdGeom, UsdLux
 
-from ..lights import DiskLight, DistantLight, DomeLight, Light, RectLight, SphereLight
+from .. import images
+from ..color import srgb_decode
+from ..lights import (
+    CylinderLight,
+    DiskLight,
+    DistantLight,
+    DomeLight,
+    Light,
+    LightTexture,
+    MeshLight,
+    RectLight,
+    Shadow,
+    Shaping,
+    SphereLight,
+)
+from ..lights.environment import FORMATS, to_latlong
+from ..lights.mesh import SYNC_MODES
+from .light_apis import asset_path, light_input, read_links, read_shadow, read_shaping
 from .reading import Reading
 
-#: Prim type to the light that draws it. Without a texture the two dome schemas are one light.
+#: Prim type to the light that draws it.
 KINDS: dict[str, type[Light]] = {
     "SphereLight": SphereLight,
     "RectLight": RectLight,
     "DiskLight": DiskLight,
+    "CylinderLight": CylinderLight,
     "DistantLight": DistantLight,
     "DomeLight": DomeLight,
     "DomeLight_1": DomeLight,
+    "GeometryLight": MeshLight,
 }
 
-#: Fields that are no UsdLux inputs: the walk and the schema decide them.
-NOT_INPUTS = ("transform", "direction")
-
-#: Half-angle in degrees from which a cone cuts nothing off, for lights that emit to one side only.
-OPEN_CONE = {"RectLight": 90.0, "DiskLight": 90.0}
+#: Extensions of pictures whose values are as they are shown, on the sRGB curve.
+_DISPLAY_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".gif", ".webp")
 
 
 def read_light(reading: Reading, prim: Usd.Prim) -> Light | None:
     """A light prim without its transform; None, with a remark, where it cannot be drawn."""
+    if prim.GetTypeName() == "PortalLight":
+        reading.remark(prim, "a portal only guides the sampling of domes, which are sampled well without it")
+        return None
     kind = KINDS.get(prim.GetTypeName())
     if kind is None:
         reading.remark(prim, f"{prim.GetTypeName()} is not drawn yet")
         return None
-    light = kind()
-    for field in fields(kind):
-        if field.name in NOT_INPUTS:
-            continue
-        value = _input(reading, prim, field.name)
-        if value is not None:
-            setattr(light, field.name, _converted(value, getattr(light, field.name)))
-    if not all(np.isfinite(np.asarray(getattr(light, f.name), np.float64)).all() for f in fields(kind)):
-        reading.remark(prim, "it has inputs that are not finite and is not drawn")
+    light = _with_inputs(reading, prim, kind())
+    if light is None:
         return None
-    _remark_unread(reading, prim)
+    if isinstance(light, DomeLight):
+        light.poleAxis = _pole_axis(reading, prim)
+    if isinstance(light, DomeLight | RectLight):
+        light.texture = _texture(reading, prim)
     return light
 
 
-def _input(reading: Reading, prim: Usd.Prim, name: str) -> object:
-    """An authored input, under its name of today or without the prefix as in stages before 21.02."""
-    for attribute in (prim.GetAttribute(f"inputs:{name}"), prim.GetAttribute(name)):
-        if attribute and attribute.HasAuthoredValue():
-            return reading.get(attribute)
-    return None
+def read_mesh_light(reading: Reading, prim: Usd.Prim, path: str, double_sided: bool) -> MeshLight | None:
+    """The light that a mesh is by MeshLightAPI; None, with a remark, where it cannot be drawn.
+
+    Args:
+        reading: the reading in progress.
+        prim: the mesh.
+        path: its placement's path in the scene.
+        double_sided: whether both its sides emit.
+    """
+    light = _with_inputs(reading, prim, MeshLight(prim=path, bothSides=double_sided))
+    if light is not None:
+        mode = str(reading.get(prim.GetAttribute("light:materialSyncMode")) or SYNC_MODES[0])
+        if mode not in SYNC_MODES:
+            reading.remark(prim, f"materialSyncMode {mode} is not one of {', '.join(SYNC_MODES)}")
+            mode = SYNC_MODES[0]
+        light.materialSyncMode = mode
+    return light
+
+
+def geometry_light_targets(reading: Reading, prim: Usd.Prim) -> list[str]:
+    """Paths of the placements that a GeometryLight makes shine."""
+    geometry = prim.GetRelationship("geometry")
+    targets = geometry.GetForwardedTargets() if geometry else []
+    return [path for path, source in reading.sources.items() if any(source[0].HasPrefix(t) for t in targets)]
+
+
+def _with_inputs(reading: Reading, prim: Usd.Prim, light: Light) -> Light | None:
+    """The light with its authored inputs and its further schemas; None, with a remark, where a value is no number."""
+    values = {}
+    for field in fields(light):
+        default = getattr(light, field.name)
+        if isinstance(default, bool | int | float | tuple) and field.name != "area":
+            value = light_input(reading, prim, field.name)
+            if value is not None:
+                values[field.name] = _converted(value, default)
+    if not all(np.isfinite(np.asarray(value, np.float64)).all() for value in values.values()):
+        reading.remark(prim, "it has inputs that are not finite and is not drawn")
+        return None
+    if UsdLux.LightAPI(prim).GetFiltersRel().GetTargets():
+        reading.remark(prim, "light:filters is not drawn yet")
+    unlit, unshadowed = read_links(reading, prim)
+    shaping = light.shaping if isinstance(light, DomeLight) else read_shaping(reading, prim)
+    shadow = read_shadow(reading, prim)
+    if not _finite(shaping) or not _finite(shadow):
+        reading.remark(prim, "its shaping or shadow has values that are not finite and is left out")
+        shaping, shadow = Shaping(), Shadow()
+    return replace(light, **values, shaping=shaping, shadow=shadow, unlit=unlit, unshadowed=unshadowed)
+
+
+def _finite(schema: Shaping | Shadow) -> bool:
+    values = [getattr(schema, field.name) for field in fields(schema)]
+    return all(
+        np.isfinite(np.asarray(v, np.float64)).all() for v in values if isinstance(v, bool | int | float | tuple)
+    )
 
 
 def _converted(value: object, default: object) -> object:
@@ -61,47 +124,38 @@ def _converted(value: object, default: object) -> object:
     return type(default)(value)
 
 
-def _remark_unread(reading: Reading, prim: Usd.Prim) -> None:
-    """Remarks on what is authored, would change the picture, and is not drawn yet."""
-    unread = [name for name, effective in _unread(reading, prim) if effective]
-    for name in unread:
-        reading.remark(prim, f"{name} is not drawn yet")
+def _pole_axis(reading: Reading, prim: Usd.Prim) -> str:
+    """Where the top of a dome's picture is: Y for the older schema, and as DomeLight_1 says."""
+    axis = str(reading.get(prim.GetAttribute("poleAxis")) or "Y")
+    return str(UsdGeom.GetStageUpAxis(reading.stage)) if axis == "scene" else axis
 
 
-def _unread(reading: Reading, prim: Usd.Prim) -> list[tuple[str, bool]]:
-    def value(name: str, default: float) -> float:
-        found = _input(reading, prim, name)
-        return default if found is None else found
-
-    shaped = prim.HasAPI("ShapingAPI")
-    shadowed = prim.HasAPI("ShadowAPI")
-    open_cone = OPEN_CONE.get(prim.GetTypeName(), 180.0)
-    api = UsdLux.LightAPI(prim)
-    return [
-        ("texture:file", bool(_asset(value("texture:file", "")))),
-        ("shaping:ies:file", bool(_asset(value("shaping:ies:file", "")))),
-        ("shaping:focus", value("shaping:focus", 0.0) > 0),
-        ("shaping:cone", value("shaping:cone:angle", 90.0 if shaped else 180.0) < open_cone),
-        ("shadow:enable", shadowed and not value("shadow:enable", True)),
-        ("shadow:color", shadowed and any(value("shadow:color", ()))),
-        ("shadow:distance", shadowed and value("shadow:distance", -1.0) >= 0),
-        ("light:filters", bool(api.GetFiltersRel().GetTargets())),
-        ("collection:lightLink", _excludes(api.GetLightLinkCollectionAPI())),
-        ("collection:shadowLink", _excludes(api.GetShadowLinkCollectionAPI())),
-        ("portals", bool(prim.GetRelationship("portals") and prim.GetRelationship("portals").GetTargets())),
-    ]
+def _texture(reading: Reading, prim: Usd.Prim) -> LightTexture | None:
+    """The light's picture; None without one, with a remark where there should be one."""
+    asset = light_input(reading, prim, "texture:file")
+    path = asset_path(asset) if isinstance(asset, Sdf.AssetPath) else ""
+    if not path:
+        return None
+    form = str(light_input(reading, prim, "texture:format") or "automatic")
+    if prim.GetTypeName() == "RectLight":
+        form = "latlong"
+    elif form not in FORMATS:
+        reading.remark(prim, f"texture:format {form} is not one of {', '.join(FORMATS)}; latlong is taken")
+        form = "latlong"
+    key = (path, form)
+    if key not in reading.light_textures:
+        try:
+            reading.light_textures[key] = LightTexture.of(to_latlong(_texels(path), form))
+        except ValueError as error:
+            reading.remark(prim, f"it is drawn without its texture: {error}")
+            reading.light_textures[key] = None
+    return reading.light_textures[key]
 
 
-def _asset(value: object) -> str:
-    return getattr(value, "path", "") or ""
-
-
-def _excludes(collection: Usd.CollectionAPI) -> bool:
-    """Whether a linking collection leaves anything of the stage out."""
-    root = collection.GetIncludeRootAttr()
-    expression = collection.GetMembershipExpressionAttr()
-    return bool(
-        collection.GetExcludesRel().GetTargets()
-        or (root and root.HasAuthoredValue() and not root.Get())
-        or (expression and expression.HasAuthoredValue())
-    )
+def _texels(path: str) -> np.ndarray:
+    """(H, W, 3) float32 linear texels of a picture."""
+    layers, _ = images.read(path)
+    pixels = layers.get("color", next(iter(layers.values())))
+    pixels = pixels.reshape(*pixels.shape[:2], -1)
+    pixels = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, 2)
+    return (srgb_decode(pixels) if path.lower().endswith(_DISPLAY_PICTURES) else pixels).astype(np.float32)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
@@ -11,12 +12,13 @@ from pxr import Tf, Usd, UsdGeom
 from ..scene import Scene, SceneError
 from .binding import Bindings
 from .cameras import read_cameras
-from .placing import place_lights, place_shape
+from .placing import mark_sound, place_lights, place_mesh_light, place_shape
 from .reading import Diagnostics, Reading, one_line
 from .settings import read_settings
 from .skeletons import find_skins
 from .stage import open_stage, read_metadata
-from .walk import is_light, walk
+from .stillness import still_shapes
+from .walk import is_light, is_mesh_light, walk
 
 #: What usdrecord draws besides `default`.
 PURPOSES = ("proxy",)
@@ -60,18 +62,72 @@ def load(
     Raises:
         SceneError: the file is missing or is no USD stage, or an argument names what is not there.
     """
-    level = _level(complexity)
-    with Diagnostics() as diagnostics:
-        try:
-            stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
-            reading = Reading(stage, _time_code(stage, time), _purposes(purposes), level, draw_modes=draw_modes)
-            _read(reading, render_settings)
-        except Tf.ErrorException as error:
-            raise SceneError(f"{path}: {one_line(error)}") from None
-    for line in diagnostics.lines:
-        if HARMLESS not in line:
-            reading.scene.warn(line)
-    return reading.scene
+    reader = StageReader(
+        path,
+        purposes,
+        variants,
+        mask,
+        session_layer=session_layer,
+        complexity=complexity,
+        render_settings=render_settings,
+        draw_modes=draw_modes,
+    )
+    return reader.read(time)
+
+
+class StageReader:
+    """A stage kept open to be read at several times. Arguments as in `load`.
+
+    The scenes share the shapes that do not change in time, as the same objects, and subdivision surfaces whose
+    points alone move keep their connectivity. What is remarked on about a shared shape, its first scene says.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike | Usd.Stage,
+        purposes: Iterable[str] | None = None,
+        variants: Mapping[str, Mapping[str, str]] | None = None,
+        mask: Iterable[str] | None = None,
+        *,
+        session_layer: str | os.PathLike | None = None,
+        complexity: float | str = 1.0,
+        render_settings: str | None = None,
+        draw_modes: bool = True,
+    ) -> None:
+        """Open the stage; raises SceneError as `load` does."""
+        self._path, self._render_settings, self._draw_modes = path, render_settings, draw_modes
+        self._purposes, self._level = _purposes(purposes), _level(complexity)
+        self._last: Reading | None = None
+        with Diagnostics() as self._opening, _as_scene_errors(path):
+            self._stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
+
+    def read(self, time: float | Usd.TimeCode | None = None) -> Scene:
+        """The scene at a time code; raises SceneError as `load` does."""
+        with Diagnostics() as diagnostics, _as_scene_errors(self._path):
+            reading = Reading(
+                self._stage,
+                _time_code(self._stage, time),
+                self._purposes,
+                self._level,
+                draw_modes=self._draw_modes,
+                shapes=still_shapes(self._last) if self._last else {},
+                surfaces=self._last.surfaces if self._last else {},
+            )
+            _read(reading, self._render_settings)
+        for line in self._opening.lines + diagnostics.lines:
+            if HARMLESS not in line:
+                reading.scene.warn(line)
+        self._last = reading
+        return reading.scene
+
+
+@contextmanager
+def _as_scene_errors(path: object) -> Iterator[None]:
+    """USD's errors as SceneErrors that name the stage."""
+    try:
+        yield
+    except Tf.ErrorException as error:
+        raise SceneError(f"{path}: {one_line(error)}") from None
 
 
 def _read(reading: Reading, render_settings: str | None) -> None:
@@ -83,6 +139,7 @@ def _read(reading: Reading, render_settings: str | None) -> None:
     read_settings(reading, render_settings)
     reading.skins = find_skins(reading)
     visits = list(walk(reading))
+    mark_sound(visits)
     shapes = [v for v in visits if v.prim.IsA(UsdGeom.Gprim) or v.draw_mode != "default"]
     bindings = Bindings(reading)
     bindings.resolve([v.prim for v in shapes])
@@ -91,6 +148,8 @@ def _read(reading: Reading, render_settings: str | None) -> None:
     for visit in visits:
         if is_light(visit.prim) and visit.draw_mode == "default":
             reading.attempt(visit.prim, place_lights, visit)
+    for prim in {v.prim.GetPath(): v.prim for v in shapes if is_mesh_light(v.prim)}.values():
+        reading.attempt(prim, place_mesh_light, prim)
     scene.bounds = _world_bounds(reading)
     reading.report()
 
@@ -137,5 +196,5 @@ def _level(complexity: float | str) -> int:
         return LEVELS[complexity]
     try:
         return int(np.clip(round((float(complexity) - 1.0) * 10), 0, 8))
-    except ValueError:
+    except (ValueError, OverflowError):
         raise SceneError(f"complexity: {complexity} is not one of {', '.join(LEVELS)}") from None

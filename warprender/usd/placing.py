@@ -6,8 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
+from ..lights import MeshLight
+from ..materials import PreviewSurface
 from ..scene import Placement
 from ..shapes import Mesh, Sphere
 from .binding import Bindings
@@ -15,12 +17,16 @@ from .curves import read_curves, read_hermite_curves
 from .draw_modes import read_stand_in
 from .geometry import read_mesh, read_tet_mesh
 from .gprims import KINDS, read_gprim
-from .lights import read_light
+from .lights import geometry_light_targets, read_light, read_mesh_light
+from .nurbs import read_nurbs_curves, read_nurbs_patch
 from .points import points_frame, read_point
 from .primvars import inherited_from
 from .reading import Reading, shared_prim
 from .skeletons import to_skeleton
 from .walk import Visit
+
+#: Key of the material of geometry that is nothing but a light.
+BLACK = "no material response"
 
 #: Prim type to the reader of its shape; what is not here is not drawn yet, and says so.
 SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
@@ -28,6 +34,8 @@ SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
     "TetMesh": read_tet_mesh,
     "Points": read_point,
     "BasisCurves": read_curves,
+    "NurbsPatch": read_nurbs_patch,
+    "NurbsCurves": read_nurbs_curves,
     "HermiteCurves": read_hermite_curves,
     **dict.fromkeys(KINDS, read_gprim),
 }
@@ -43,19 +51,38 @@ def place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
     if read is None:
         reading.remark(prim, f"{prim.GetTypeName() or 'a prim without a type'} is not drawn yet")
         return
-    if prim.HasAPI("MeshLightAPI"):
-        reading.remark(prim, "it does not shine yet as MeshLightAPI asks")
     skin = reading.skins.get(str(prim.GetPath()))
     if skin and skin.has_joints:
-        visit = replace(visit, local=to_skeleton(skin, prim, visit.local, reading.time))
+        visit = replace(visit, local=to_skeleton(skin, prim, visit.local, reading.time), is_sound=False)
     if prim.IsA(UsdGeom.Points):
-        visit = replace(visit, local=np.eye(4), frame=points_frame(reading, UsdGeom.Points(prim), visit))
+        frame = points_frame(reading, UsdGeom.Points(prim), visit)
+        visit = replace(visit, local=np.eye(4), frame=frame, is_sound=False)
     transforms, ids = _drawable_copies(reading, visit)
     shape = _shared_shape(reading, visit, bindings, read) if len(transforms) else None
     if shape is None:
         return
     path = _unique(reading.scene.placements, visit)
     reading.scene.placements[path] = Placement(path, shape, transforms, bindings.key(prim), ids)
+    reading.sources[path] = (prim.GetPath(), *map(Sdf.Path, visit.frame.instancers))
+
+
+def place_mesh_light(reading: Reading, prim: Usd.Prim) -> None:
+    """Make the placements of a prim with MeshLightAPI shine, or remark on why not."""
+    for path, source in reading.sources.items():
+        if source[0] != prim.GetPath():
+            continue
+        placement = reading.scene.placements[path]
+        if not isinstance(placement.shape, Mesh):
+            reading.remark(prim, "only meshes shine by MeshLightAPI")
+            continue
+        light = read_mesh_light(reading, prim, path, placement.shape.double_sided)
+        if light is None:
+            continue
+        reading.scene.lights[path] = light
+        if light.materialSyncMode == "noMaterialResponse":
+            reading.scene.materials.setdefault(BLACK, PreviewSurface(diffuseColor=(0.0, 0.0, 0.0), metallic=1.0))
+            placement.shape = replace(placement.shape, face_materials={})
+            placement.material = BLACK
 
 
 def _place_stand_in(reading: Reading, visit: Visit) -> None:
@@ -71,10 +98,11 @@ def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Call
     """The shape of a prim, read once for all instances that look alike."""
     prim, given = visit.prim, visit.frame.primvars
     subsets = bindings.subset_keys(prim)
-    owner = visit.frame.instancers[-1:] if given else ()
+    # Values by instance are told apart by themselves: they may change in time.
+    owner = tuple((name, primvar.values.tobytes()) for name, primvar in given.items())
     skin = reading.skins.get(str(prim.GetPath()))
     pose = skin.identity() if skin else ()
-    key = (shared_prim(prim).GetPath(), inherited_from(prim), subsets, owner, pose)
+    key = (shared_prim(prim).GetPath(), inherited_from(reading, prim), subsets, owner, pose)
     if key not in reading.shapes:
         shape = read(reading, prim)
         if shape is not None and given:
@@ -83,31 +111,59 @@ def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Call
             faces = len(reading.get(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr()))
             shape.face_materials = bindings.face_materials(prim, faces)
         reading.shapes[key] = shape
+    reading.sources[key] = (prim, skin)
     return reading.shapes[key]
 
 
 def place_lights(reading: Reading, visit: Visit) -> None:
     """Place a light once for each copy, or remark on why not."""
-    transforms, ids = _drawable_copies(reading, visit)
-    light = read_light(reading, visit.prim) if len(transforms) else None
+    light = read_light(reading, visit.prim)
     if light is None:
         return
     path = _unique(reading.scene.lights, visit)
+    if isinstance(light, MeshLight):
+        for target in geometry_light_targets(reading, visit.prim):
+            double_sided = getattr(reading.scene.placements[target].shape, "double_sided", False)
+            shining = replace(light, prim=target, materialSyncMode="independent", bothSides=double_sided)
+            reading.scene.lights[f"{path}[{target}]"] = shining
+        return
+    # A flat light may have no height: what a light's own size does not need is left to the upload.
+    finite = np.isfinite(visit.transforms()).all((1, 2))
+    if not finite.all():
+        reading.remark(visit.prim, f"{np.sum(~finite)} of {len(finite)} transforms are not finite")
+    transforms, ids = visit.transforms()[finite], visit.frame.ids[finite]
     for number, transform in zip(ids, transforms, strict=True):
         name = path if number < 0 else f"{path}[{number}]"
         reading.scene.lights[name] = replace(light, transform=transform)
 
 
+def mark_sound(visits: list[Visit]) -> None:
+    """Find the prims that stand once in the world with a good transform: all at once, one by one takes long."""
+    single = [visit for visit in visits if not visit.frame.instancers]
+    if single:
+        transforms = np.stack([visit.local for visit in single])
+        sound = _is_drawable(transforms) & (transforms[:, :, 3] == (0, 0, 0, 1)).all(1)
+        for visit, is_sound in zip(single, sound, strict=True):
+            visit.is_sound = bool(is_sound)
+
+
+def _is_drawable(transforms: np.ndarray) -> np.ndarray:
+    """(K,) bool, whether transforms (K, 4, 4) are finite and do not flatten space."""
+    scales = np.linalg.norm(transforms[:, :3, :3], axis=2)
+    with np.errstate(all="ignore"):
+        volume = np.abs(np.linalg.det(transforms[:, :3, :3])) / scales.prod(1)
+    return np.isfinite(transforms).all((1, 2)) & (scales > 0).all(1) & (volume > 1e-15)
+
+
 def _drawable_copies(reading: Reading, visit: Visit) -> tuple[np.ndarray, np.ndarray]:
     """Transforms (K, 4, 4) and instance ids (K,) without those that are not finite or flatten space."""
+    if visit.is_sound:
+        return visit.local[None].copy(), visit.frame.ids
     transforms = visit.transforms()
     if (transforms[:, :, 3] != (0, 0, 0, 1)).any() and np.isfinite(transforms[:, :, 3]).all():
         reading.remark(visit.prim, "its transform is not affine; the last column is ignored")
         transforms[:, :, 3] = (0, 0, 0, 1)
-    scales = np.linalg.norm(transforms[:, :3, :3], axis=2)
-    with np.errstate(all="ignore"):
-        volume = np.abs(np.linalg.det(transforms[:, :3, :3])) / scales.prod(1)
-    good = np.isfinite(transforms).all((1, 2)) & (scales > 0).all(1) & (volume > 1e-15)
+    good = _is_drawable(transforms)
     if good.all():
         return transforms, visit.frame.ids
     reading.remark(visit.prim, f"{np.sum(~good)} of {len(good)} transforms are singular or not finite")

@@ -7,12 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from pxr import Tf, Usd, UsdUtils
+from pxr import Sdf, Tf, Usd, UsdUtils
 
+from ..lights import IesProfile, LightTexture
 from ..scene import Scene
 from ..shapes import Mesh, Sphere
 
 if TYPE_CHECKING:
+    from ..shapes.subdivision import Subdivision
     from .skeletons import Skin
 
 T = TypeVar("T")
@@ -36,7 +38,14 @@ class Reading:
         scene: the scene being filled.
         draw_modes: whether models may be drawn as boxes, axes or cards.
         shapes: shapes read so far by what determines them, so that instances share one.
+        primvars: primvars that are read from every shape, with their numbers of components, None for any.
+        sources: prim and skin that a shape was read from, by its key in `shapes`; shapes that do not depend on
+            one have none.
+        surfaces: the last subdivision surface of a mesh, by its path.
         skins: what poses a mesh, by the mesh's path.
+        sources: placement's path to the paths of its prim and of the instancers that draw it.
+        light_textures: pictures on lights read so far, by file and format; None for one that cannot be read.
+        profiles: photometric profiles read so far, by file; None for one that cannot be read.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
         remarks: message to the prims that it is about: the path that stands in the scene, by the path of the
             prim itself, which instances share.
@@ -49,8 +58,14 @@ class Reading:
     scene: Scene = field(default_factory=Scene)
     draw_modes: bool = True
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
+    primvars: dict[str, int | None] = field(default_factory=lambda: {"displayColor": 3, "displayOpacity": 1})
     sound_instancers: bool = True
+    sources: dict[tuple, tuple[Usd.Prim, Skin | None]] = field(default_factory=dict)
+    surfaces: dict[str, Subdivision] = field(default_factory=dict)
     skins: dict[str, Skin] = field(default_factory=dict)
+    sources: dict[str, tuple[Sdf.Path, ...]] = field(default_factory=dict)
+    light_textures: dict[tuple[str, str], LightTexture | None] = field(default_factory=dict)
+    profiles: dict[str, IesProfile | None] = field(default_factory=dict)
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def remark(self, prim: Usd.Prim, message: str) -> None:

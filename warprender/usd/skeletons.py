@@ -15,7 +15,7 @@ from ..shapes.skinning import (
     transformed_normals,
     transformed_points,
 )
-from .reading import Reading, one_line
+from .reading import Reading, one_line, shared_prim
 
 #: Where UsdSkel looks for skeletons: everywhere under a SkelRoot, prototypes included.
 UNDER_ROOT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
@@ -63,8 +63,11 @@ def to_skeleton(skin: Skin, prim: Usd.Prim, local: np.ndarray, time: Usd.TimeCod
     Of a prim without points, which one joint moves as a whole, from the prim.
     """
     cache = UsdGeom.XformCache(time)
-    skeleton = np.array(cache.GetLocalToWorldTransform(skin.skeleton.GetPrim()), np.float64)
-    own = np.array(cache.GetLocalToWorldTransform(prim), np.float64)
+    posed_by = skin.skeleton.GetPrim()
+    # Instances share a skeleton, which then stands in the space of their prototype; so must the prim.
+    beside = shared_prim(prim) if posed_by.IsInPrototype() else prim
+    skeleton = np.array(cache.GetLocalToWorldTransform(posed_by), np.float64)
+    own = np.array(cache.GetLocalToWorldTransform(beside), np.float64)
     matrix = skeleton @ np.linalg.solve(own, local)
     if prim.IsA(UsdGeom.PointBased):
         return matrix

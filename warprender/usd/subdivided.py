@@ -38,11 +38,14 @@ def subdivide(
         **{name: str(reading.get(prim.GetAttribute(name))) for name in NAMES},
         **{name: np.array(reading.get(prim.GetAttribute(name)) or []) for name in LISTS},
     )
-    try:
-        surface = Subdivision(cage, reading.level)
-    except ValueError as error:
-        reading.remark(prim, f"its cage is drawn: {error}")
-        return None
+    surface = reading.surfaces.get(str(prim.GetPath()))
+    if surface is None or surface.cage != cage:
+        try:
+            surface = Subdivision(cage, reading.level)
+        except ValueError as error:
+            reading.remark(prim, f"its cage is drawn: {error}")
+            return None
+        reading.surfaces[str(prim.GetPath())] = surface
     carried = {name: _rearranged(primvar, corners) for name, primvar in primvars.items()}
     mesh = surface.mesh(points, carried)
     mesh.faces = faces[mesh.faces].astype(np.int32)

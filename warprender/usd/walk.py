@@ -27,12 +27,14 @@ class Visit:
         local: (4, 4) float64 transform from the prim to its frame, for row vectors.
         frame: where that frame is drawn.
         draw_mode: what to draw in place of a model; "default" for the prim itself.
+        is_sound: whether it is known to be drawn once, with a transform that needs no check.
     """
 
     prim: Usd.Prim
     local: np.ndarray
     frame: Frame
     draw_mode: str = "default"
+    is_sound: bool = False
 
     def transforms(self) -> np.ndarray:
         """(K, 4, 4) float64 prim-to-world."""
@@ -89,8 +91,13 @@ def _is_drawable(prim: Usd.Prim) -> bool:
 
 
 def is_light(prim: Usd.Prim) -> bool:
-    """Whether the prim is a UsdLux light; a mesh that glows is not one."""
+    """Whether the prim is a UsdLux light; geometry that shines is not one."""
     return prim.HasAPI("LightAPI") and not prim.IsA(UsdGeom.Gprim)
+
+
+def is_mesh_light(prim: Usd.Prim) -> bool:
+    """Whether the prim is geometry that shines by MeshLightAPI, or LightAPI alone."""
+    return prim.HasAPI("LightAPI") and prim.IsA(UsdGeom.Gprim)
 
 
 def _is_visible(reading: Reading, prim: Usd.Prim) -> bool:

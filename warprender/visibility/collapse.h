@@ -27,6 +27,7 @@ struct Collapse {
     WR_FN void plan(const wp::BVH& tree, int node, Plan* plans)
     {
         typedef int Eight __attribute__((ext_vector_type(8)));
+        typedef unsigned char Bytes __attribute__((ext_vector_type(8), aligned(1)));
         Plan& p = plans[node];
         p = {};
         if (is_leaf(tree, node))
@@ -44,12 +45,15 @@ struct Collapse {
             left = c < cost ? i : left;
             cost = c < cost ? c : cost;
         }
-        p.cost[0] = cost[Wide::slots - 1] + area(tree, node);
-        for (int k = 1; k < Wide::slots; ++k) {
-            bool more = cost[k] < p.cost[k - 1];
-            p.cost[k] = more ? cost[k] : p.cost[k - 1];
-            p.left[k] = more ? left[k] : 0;
-        }
+        // more slots never cost more: the running minimum, by doubling
+        cost[0] = cost[Wide::slots - 1] + area(tree, node);
+        Wide::Eight none = Bound::infinity(), least = cost;
+        least = Wide::smaller(least, __builtin_shufflevector(least, none, 8, 0, 1, 2, 3, 4, 5, 6));
+        least = Wide::smaller(least, __builtin_shufflevector(least, none, 8, 8, 0, 1, 2, 3, 4, 5));
+        least = Wide::smaller(least, __builtin_shufflevector(least, none, 8, 8, 8, 8, 0, 1, 2, 3));
+        left = cost < __builtin_shufflevector(least, none, 8, 0, 1, 2, 3, 4, 5, 6) ? left : 0;
+        *(Wide::Eight*)p.cost = least;
+        *(Bytes*)p.left = __builtin_convertvector(left, Bytes);
     }
     // All plans, children first: Warp numbers parents before their children. False if this tree does not.
     WR_FN bool plan_all(const wp::BVH& tree, Plan* plans)
@@ -108,7 +112,8 @@ struct Collapse {
         return end - begin;
     }
     // Writes which node holds what, parents first, but no boxes (see Refit). Leaves are blocks of faces, each
-    // leaf's last one with its node and slot in slots, or, where blocks is null, items. counts: nodes, blocks or items, depth; depth 0: the tree is not as expected.
+    // leaf's last one with its node and slot in slots, or, where blocks is null, items. counts: nodes, blocks or
+    // items, depth; depth 0: the tree is not as expected.
     WR_FN void layout(const wp::BVH& tree, Plan* plans, Wide::Node* nodes, Wide::Block* blocks, int* items, int* slots,
         int* counts)
     {

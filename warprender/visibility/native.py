@@ -1,10 +1,10 @@
 """The native functions: the only file that touches Warp's internals.
 
-The headers beside this file read the layout of Warp's ``BVH`` and ``Mesh``, which is not public. ``SUPPORTED`` says
-whether the installed Warp is the version that they were checked with.
+The headers beside this file read the layout of Warp's ``BVH`` and ``Mesh``, which is not public.
+``SUPPORTED`` says whether the installed Warp is the version that they were checked with.
 
-Each function's source is the headers' text and a few lines of its own. Warp hashes that text, so a changed header is
-a changed module (an ``#include`` would not be).
+Each function's source is the headers' text and a few lines of its own. Warp hashes that text, so a changed
+header is a changed module (an ``#include`` would not be).
 """
 
 from pathlib import Path
@@ -37,8 +37,8 @@ bits5 = wp.types.vector(length=5, dtype=wp.int32)
 _WORLD = """
     static_assert(sizeof(*world.instances.data) == sizeof(Instance), "Instance");
     static_assert(sizeof(*world.geometries.data) == sizeof(Geometry), "Geometry");
-    World w = { (const Geometry*)(world.geometries.data), (const Instance*)(world.instances.data), world.count,
-        world.tree, world.nodes, world.items, world.pad };
+    World w = { (const Geometry*)(world.geometries.data), (const Instance*)(world.instances.data),
+        world.count, world.tree, world.nodes, world.items, world.pad };
     Lane ray;
     Answer best;
 """
@@ -86,8 +86,8 @@ def scene_functions(prefix: str = ""):
 _BATCH = (
     _TRAVERSAL
     + """
-    Batch batch = { (const Wide::Node*)(nodes), (const Wide::Block*)(blocks), scale, origins.data, directions.data,
-        t_max, t_after, face_after, nullptr, nullptr, nullptr, nullptr, nullptr };
+    Batch batch = { (const Wide::Node*)(nodes), (const Wide::Block*)(blocks), cached, scale, origins.data,
+        directions.data, t_max, t_after, face_after, nullptr, nullptr, nullptr, nullptr, nullptr };
 """
 )
 
@@ -105,6 +105,7 @@ _BATCH = (
 def closest_batch(
     nodes: wp.uint64,
     blocks: wp.uint64,
+    cached: wp.bool,
     scale: wp.float32,
     origins: wp.array(dtype=wp.vec3),
     directions: wp.array(dtype=wp.vec3),
@@ -126,6 +127,7 @@ def closest_batch(
 def occluded_batch(
     nodes: wp.uint64,
     blocks: wp.uint64,
+    cached: wp.bool,
     scale: wp.float32,
     origins: wp.array(dtype=wp.vec3),
     directions: wp.array(dtype=wp.vec3),
@@ -165,8 +167,8 @@ def collapse(
 @wp.func_native(
     _COLLAPSE
     + """
-    return Refit::leaves((Wide::Node*)(nodes), (Wide::Block*)(blocks), slots.data, points.data, indices.data, scale,
-        first, end, count);
+    return Refit::leaves((Wide::Node*)(nodes), (Wide::Block*)(blocks), slots.data, points.data,
+        indices.data, scale, first, end, count);
 """
 )
 def refit_leaves(
@@ -180,7 +182,7 @@ def refit_leaves(
     end: wp.int32,
     count: wp.int32,
 ) -> wp.int32:
-    """Copy the points of the leaves that begin in blocks [first, end) and box them; the faces left out (CPU)."""
+    """Copy the points of the leaves that begin in blocks [first, end), box them, count bad faces (CPU)."""
     ...
 
 

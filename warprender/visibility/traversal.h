@@ -409,7 +409,10 @@ struct Wide {
     }
     WR_FN Eight eight(const float* p) { return *(const Eight*)p; }
     WR_FN Four four(const float* p) { return *(const Four*)p; }
-    WR_FN unsigned bits(FourInt m) { return __builtin_bit_cast(unsigned char, __builtin_convertvector(m, FourBits)) & 15u; }
+    WR_FN unsigned bits(FourInt m)
+    {
+        return __builtin_bit_cast(unsigned char, __builtin_convertvector(m, FourBits)) & 15u;
+    }
     WR_FN unsigned meets(Eight near, Eight far)
     {
         return __builtin_bit_cast(unsigned char, __builtin_convertvector(near <= far * Bound::slab(), EightBits));
@@ -498,6 +501,7 @@ struct Wide {
     }
     WR_FN Four larger(Four a, Four b) { return a > b ? a : b; }
     WR_FN Four smaller(Four a, Four b) { return a < b ? a : b; }
+    WR_FN Eight smaller(Eight a, Eight b) { return a < b ? a : b; }
     // Triangle::error, four at once.
     WR_FN Four error(const Lane& ray, const Four* x, const Four* y, const Four* z, Four inverse)
     {
@@ -584,6 +588,7 @@ struct Wide {
 struct Batch {
     const Wide::Node* nodes;
     const Wide::Block* blocks;
+    bool cached;  // the tree stays in a core's own cache
     float scale;  // of the tree against the caller's coordinates, a power of two
     const wp::vec3 *origin, *direction;
     wp::array_t<float> t_max, t_after;  // one for all rays, or one a ray
@@ -600,9 +605,9 @@ struct Batch {
             o[k] = origin[i][k] * scale;
             d[k] = direction[i][k] * scale;
         }
-        int after = t_after.shape[0] == 1 ? 0 : i;
+        int end = t_max.shape[0] == 1 ? 0 : i, after = t_after.shape[0] == 1 ? 0 : i;
         bool good = Lane::make(ray, o, d);
-        best = Answer::open(ray, t_max.data[t_max.shape[0] == 1 ? 0 : i], t_after.data[after], 0, face_after.data[after]);
+        best = Answer::open(ray, t_max.data[end], t_after.data[after], 0, face_after.data[after]);
         return good;
     }
     CUDA_CALLABLE inline void close(int i, const Lane& ray, const Answer& best) const
@@ -618,7 +623,8 @@ struct Batch {
     }
 };
 
-// Incoherent rays: several walks take turns, so that one computes while the others' nodes come from memory.
+// Incoherent rays: several walks take turns, so that one computes while the others' nodes come from memory. Where
+// nothing has to come from far, one after the other is faster.
 struct Stream {
     enum { width = 8 };
     struct Walk {
@@ -660,7 +666,24 @@ struct Stream {
         }
         return false;
     }
-    static __attribute__((noinline)) void run(const Batch& batch, int first, int end)
+    WR_FN void run(const Batch& batch, int first, int end)
+    {
+        if (batch.cached)
+            in_order(batch, first, end);
+        else
+            in_turns(batch, first, end);
+    }
+    WR_FN void in_order(const Batch& batch, int first, int end)
+    {
+        for (; first < end; ++first) {
+            Lane ray;
+            Answer best;
+            if (batch.open(first, ray, best))
+                Wide::trace(batch.nodes, batch.blocks, 0, ray, batch.any(), best);
+            batch.close(first, ray, best);
+        }
+    }
+    static __attribute__((noinline)) void in_turns(const Batch& batch, int first, int end)
     {
         Walk walks[width];
         Walk* live[width];

@@ -9,13 +9,14 @@ from . import native
 
 BLOCKS_PER_ITEM = 512  # blocks of triangles that one item of the refit fills
 CACHE_LINE = 64
+OWN_CACHE = 512 * 1024  # bytes: half of a common second-level cache
 REBUILD_AT = 2.0  # refit trees lose quality: rebuild when a ray is expected to visit this many times more
 
 CLEAN_RANGE = 1e-9, 1e9  # coordinates outside are rescaled: products of lengths would leave float32's range
 
 
 class _Memory:
-    """Uninitialised bytes that begin on a cache line; numpy asks for huge pages, which walks of big trees need."""
+    """Uninitialised bytes that begin on a cache line; numpy asks for huge pages, which spares TLB misses."""
 
     def __init__(self, size):
         self.data = np.empty(size + CACHE_LINE, np.uint8)
@@ -30,7 +31,8 @@ class _WideTree:
         plans = _Memory(2 * leaves * native.PLAN_BYTES)
         counts = wp.zeros(3, dtype=wp.int32, device="cpu")
         self.nodes = _Memory(inner * native.NODE_BYTES)
-        self.leaves = _Memory(leaves * (native.BLOCK_BYTES if kind == 0 else 4))
+        leaf_bytes = native.BLOCK_BYTES if kind == 0 else 4
+        self.leaves = _Memory(leaves * leaf_bytes)
         blocks, items = (self.leaves.address, 0) if kind == 0 else (0, self.leaves.address)
         self.slots = wp.empty(leaves if kind == 0 else 0, dtype=wp.int32, device="cpu")
         arguments = [kind, tree_id, plans.address, self.nodes.address, blocks, items, self.slots, counts]
@@ -38,6 +40,7 @@ class _WideTree:
         self.count, self.blocks, depth = (int(n) for n in counts.numpy())
         if not 0 < depth <= native.MAX_DEPTH:
             raise RuntimeError("Warp built a tree that the watertight walk cannot read")
+        self.bytes = self.count * native.NODE_BYTES + self.blocks * leaf_bytes
         self.summary = wp.zeros(7, dtype=wp.float32, device="cpu")
 
     def box_inner(self):
@@ -86,7 +89,7 @@ class MeshTree:
         self.box = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
         if len(self.indices) == 0:
             return
-        clean, self.dropped, anchor = _clean_faces(self.points, self.indices)
+        clean, self.dropped, anchor = _clean_faces(self.points, self.indices, self.wide)
         if anchor is None:
             return
         self._clean, self._scaled = clean, _scaled(self.points, self.scale)
@@ -100,7 +103,7 @@ class MeshTree:
             self.box = _finite_box(self._scaled)
 
     def refit(self):
-        """Follow moved points. Builds again when that pays, and when the scale or an empty mesh calls for it."""
+        """Follow moved points; build again when that pays or the scale calls for it."""
         if self._wide is None and self.mesh is None:
             self.build()
         elif self.wide:
@@ -112,14 +115,20 @@ class MeshTree:
             self._refit_mesh()
 
     def _refit_mesh(self):
-        clean, self.dropped, anchor = _clean_faces(self.points, self.indices)
+        clean, self.dropped, anchor = _clean_faces(self.points, self.indices, self.wide)
         if anchor is None or (clean is not self._clean and self._clean is self.indices):
             self.build()  # the caller's indices are not ours to change
             return
         if clean is not self._clean:
             wp.copy(self._clean, clean)
         if self._scaled is not self.points:
-            wp.launch(_scale_points, len(self.points), [0, self.points, self.scale], [self._scaled], device=self.device)
+            wp.launch(
+                _scale_points,
+                len(self.points),
+                [0, self.points, self.scale],
+                [self._scaled],
+                device=self.device,
+            )
         self.mesh.refit()
         self.box = _finite_box(self._scaled)
 
@@ -133,6 +142,11 @@ class MeshTree:
         wide.box_inner()
         self.dropped = int(dropped.numpy().sum())
         self.box = wide.box
+
+    @property
+    def cached(self):
+        """Whether the wide tree is small enough to stay in a core's own cache."""
+        return self._wide.bytes <= OWN_CACHE
 
     def geometry(self):
         """The device record; this object must outlive it."""
@@ -202,7 +216,7 @@ class WorldTree:
         rows["geometry"] = self.geometry
         rows["placed"] = (rows["to_object"] != np.eye(3, 4, dtype=np.float32)).any((1, 2))
         self._instances = wp.array(rows, dtype=Instance, device=self.device)
-        # |W| |M| bounds how far an error of the object-space origin reaches in the world; two sums of four terms
+        # |W| |M| bounds how far an error of the object-space origin reaches in the world
         reach = (np.abs(to_world[:, :, :3]) @ np.abs(to_object[:, :, :3])).sum(2).max(1)
         self._pad = float(2.0 * 8.0 * 2.0**-24 * np.where(sound & (rows["placed"] != 0), reach, 0.0).max(initial=0.0))
 
@@ -276,13 +290,14 @@ def _finite_box(points):
     return values.min(0), values.max(0)
 
 
-def _clean_faces(points, indices):
+def _clean_faces(points, indices, only_if_not_finite):
     """Indices whose faces are all finite, the number of faces left out, and a finite vertex or None.
 
     A face with a vertex that is not finite is collapsed to a point, so that ids stay and nothing can hit it.
+    Wide trees look for repeated vertices themselves: for them only what is not finite matters.
     """
     device = points.device
-    if device.is_cpu and np.isfinite(points.numpy()).all():
+    if only_if_not_finite and np.isfinite(points.numpy()).all():
         return indices, 0, 0
     anchor = wp.full(1, len(points), dtype=wp.int32, device=device)
     wp.launch(_first_finite, len(points), [0, points], [anchor], device=device)
@@ -426,7 +441,7 @@ def _instance_boxes(
     lower = wp.vec3(w[0, 3], w[1, 3], w[2, 3])
     upper = lower
     if lo[0] <= hi[0]:
-        # the farthest that rounding of either matrix, applied to points of this box, may lead: gamma(8) of all terms
+        # gamma(8) of all terms: how far rounding of either matrix may move points of this box
         reach = wp.vec3(0.0)
         for a in range(3):
             for b in range(3):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -15,7 +15,7 @@ def _none() -> np.ndarray:
     return np.zeros(0, np.int64)
 
 
-@dataclass
+@dataclass(eq=False)
 class Cage:
     """Names, meanings and defaults as in UsdGeomMesh.
 
@@ -46,6 +46,12 @@ class Cage:
     cornerIndices: np.ndarray = field(default_factory=_none)
     cornerSharpnesses: np.ndarray = field(default_factory=_none)
     holes: np.ndarray = field(default_factory=_none)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether every field is the same, arrays by their values."""
+        if not isinstance(other, Cage):
+            return NotImplemented
+        return all(np.array_equal(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
 
     def topology(self) -> Topology:
         """The cage's connectivity with creases, corners and boundaries sharpened."""

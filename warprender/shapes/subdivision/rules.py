@@ -106,7 +106,8 @@ def sums(groups: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _sharpened(level: Topology, has_faces: bool, sides: np.ndarray, smooth: np.ndarray) -> Rules:
-    """The smooth masks with creases and corners put in where the level is sharp."""
+    """The smooth masks with creases and corners put in where the level is sharp; unused vertices stay."""
+    smooth[level.valence == 0] = (1.0, 0.0, 0.0, 0.0)
     sharp, soon = level.edge_sharpness, softened(level.edge_sharpness)
     now_count, soon_count = _sharp_edges(level, sharp), _sharp_edges(level, soon)
     now = _masks(smooth, level.vertex_sharpness, now_count)

@@ -1,0 +1,359 @@
+"""Light that reaches a surface, for integrators: aimed at one light, met by chance, or from geometry that glows.
+
+Every way weighs itself against the others (multiple importance sampling, Veach 1997, power heuristic).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import warp as wp
+
+from ..lights.choice import choose_light, probability_of
+from ..lights.dispatch import GLOWING, kind_of, light_functions, shaping_function
+from ..lights.glowing_sphere import density_along
+from ..lights.linking import is_linked
+from ..lights.mesh import density_at, emitted
+from ..lights.shadow import shadow_strength
+from ..materials.dispatch import material_functions
+from ..materials.normal_map import shading_function
+from ..numerics import GAMMA_7, INFINITY, max_component, offset_origin, to_frame
+from ..plan import PathKey
+from ..records import (
+    SHADOW_NONE,
+    SHADOW_PLAIN,
+    Bsdf,
+    DeviceScene,
+    LightRecord,
+    LightSample,
+    Ray,
+    Surface,
+)
+from ..sampling import DIMENSION_LIGHT, DIMENSION_LIGHT_CHOICE, SampleStream, power_heuristic, random_pair
+from ..visibility.rays import closest_after_function, closest_function, occluded_function
+
+#: Surfaces that a ray goes straight through, at most.
+MOST_PASSES = wp.constant(wp.int32(1024))
+#: Up to this many lights are met one by one; a tree over their boxes costs more than that.
+FEW_LIGHTS = wp.constant(wp.int32(4))
+
+_GLOWING_SPHERE = wp.constant(wp.int32(kind_of("GlowingSphere")))
+
+
+@wp.struct
+class Departure:
+    """Where a ray comes from, as the lights that it meets must know.
+
+    `pdf` is the density of its direction: 0 after a delta event and at the camera, where no light was aimed at.
+    `prim` is -1 at the camera. The throughput is split as the lights' `diffuse` and `specular` need it.
+    """
+
+    position: wp.vec3
+    normal: wp.vec3
+    prim: wp.int32
+    pdf: wp.float32
+    diffuse: wp.vec3
+    specular: wp.vec3
+
+
+@wp.struct
+class Visible:
+    """Which lights the camera sees."""
+
+    domes: wp.int32
+    lights: wp.int32
+
+
+@wp.struct
+class Met:
+    """Radiance from lights that a ray met, and how many there were."""
+
+    radiance: wp.vec3
+    count: wp.int32
+
+
+@wp.func
+def end_margin(origin: wp.vec3, distance: float) -> float:
+    """How far rounding may put a point at this distance before or behind its place."""
+    margin = wp.float32(0.0)
+    if distance < INFINITY:
+        margin = (max_component(wp.abs(origin)) + distance) * GAMMA_7
+    return margin
+
+
+@wp.func
+def shadow_ray(surface: Surface, light: LightSample) -> Ray:
+    """From the surface to the light, clear of both ends by the error bounds of each."""
+    ray = Ray()
+    ray.origin = offset_origin(surface.position, surface.error, surface.geometric_normal, light.direction)
+    ray.direction = light.direction
+    ray.t_max = INFINITY
+    if light.distance < INFINITY:
+        # The light is as far from the surface as it was: what the offset took is not left to go.
+        gone = wp.dot(ray.origin - surface.position, ray.direction)
+        ray.t_max = light.distance - gone - end_margin(surface.position, light.distance)
+    return ray
+
+
+@wp.func
+def ray_between(surface: Surface, other: Surface) -> Ray:
+    """From one surface to another, clear of both by their error bounds; of zero length where they touch."""
+    ray = Ray()
+    towards = other.position - surface.position
+    ray.origin = offset_origin(surface.position, surface.error, surface.geometric_normal, towards)
+    target = offset_origin(other.position, other.error, other.geometric_normal, -towards)
+    way = target - ray.origin
+    distance = wp.length(way)
+    if distance > 0.0:
+        ray.direction = way / distance
+        ray.t_max = distance * (1.0 - GAMMA_7)
+    return ray
+
+
+@wp.func
+def share_of(light: LightRecord, departure: Departure) -> wp.vec3:
+    """Throughput that a light's radiance arrives with; the camera sees the light itself."""
+    if departure.prim < 0:
+        return departure.diffuse + departure.specular
+    return departure.diffuse * light.diffuse + departure.specular * light.specular
+
+
+@wp.func
+def hit_density(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3, surface: Surface) -> float:
+    """Density per solid angle with which next-event estimation at `origin` aims at a glowing surface that was hit."""
+    if light.kind == _GLOWING_SPHERE:
+        return density_along(scene, light, origin, direction)
+    return density_at(light, origin, surface)
+
+
+@cache
+def shadow_function(key: PathKey) -> wp.Function:
+    """`shadow(scene, light, ray, footprint)`: the share of a light that arrives along a ray from the receiver to it.
+
+    `footprint` is the width that the ray stands for.
+    """
+    occluded = occluded_function(key.shapes)
+    closest = closest_function(key.shapes)
+    closest_after = closest_after_function(key.shapes)
+    shading_at = shading_function(key.shapes, key.features)
+    prepare, _, _ = material_functions(key.materials, key.features)
+    straight_through = key.straight_through
+    changed = "shadows" in key.light_effects
+
+    @wp.func
+    def shadow(scene: DeviceScene, light: LightRecord, ray: Ray, footprint: float) -> wp.vec3:
+        ones = wp.vec3(1.0, 1.0, 1.0)
+        if wp.static(changed):
+            if light.shadow == SHADOW_NONE:
+                return ones
+        if wp.static(changed or straight_through):
+            # With plain shadows of opaque things only, any hit will do.
+            stepwise = wp.bool(wp.static(straight_through))
+            if wp.static(changed):
+                stepwise = stepwise or light.shadow != SHADOW_PLAIN
+            if stepwise:
+                passed = wp.float32(1.0)
+                hit = closest(scene, ray)
+                count = wp.int32(0)
+                while hit.instance >= 0 and passed > 0.0 and count < MOST_PASSES:
+                    through = wp.float32(0.0)
+                    if wp.static(straight_through):
+                        through = prepare(scene, shading_at(scene, ray, hit, footprint)).pass_through
+                    if wp.static(changed):
+                        strength = shadow_strength(light, hit.t)
+                        if not is_linked(scene, light.shadow_links, scene.instances[hit.instance].prim):
+                            strength = 0.0
+                        if strength < 1.0:
+                            through = 1.0 - strength * (1.0 - through)
+                    passed = passed * through
+                    hit = closest_after(scene, ray, hit)
+                    count += 1
+                if wp.static(changed):
+                    if light.shadow != SHADOW_PLAIN:
+                        return light.shadow_color * (1.0 - passed) + ones * passed
+                return ones * passed
+        if occluded(scene, ray):
+            return wp.vec3(0.0, 0.0, 0.0)
+        return ones
+
+    return shadow
+
+
+@cache
+def met_function(key: PathKey) -> wp.Function:
+    """`met(scene, visible, departure, ray, near, far) -> Met`: lights between two distances of a ray.
+
+    Lights occlude nothing, so all of them count. `near` is 0 on the first stretch of a ray.
+    """
+    _, meet_light = light_functions(key.lights)
+    shape = shaping_function(key.light_effects)
+    shadow = shadow_function(key)
+    effects = key.light_effects
+
+    @wp.func
+    def met_one(
+        scene: DeviceScene,
+        visible: Visible,
+        departure: Departure,
+        ray: Ray,
+        near: float,
+        far: float,
+        index: int,
+        total: Met,
+    ) -> Met:
+        if departure.prim < 0:
+            if visible.lights == 0 and (scene.lights[index].is_dome == 0 or visible.domes == 0):
+                return total
+        if wp.static("linking" in effects):
+            if departure.prim >= 0:
+                if not is_linked(scene, scene.lights[index].links, departure.prim):
+                    return total
+        found = meet_light(scene, scene.lights[index], ray.origin, ray.direction)
+        if found.distance <= 0.0:
+            return total
+        light = scene.lights[index]
+        arriving = found.radiance
+        changed = wp.bool(False)
+        if wp.static("shadows" in effects):
+            # Shadows that are not light's own are looked up, or the two ways to the light would not agree.
+            if light.shadow != SHADOW_PLAIN and departure.pdf > 0.0:
+                changed = wp.bool(True)
+                if near > 0.0:
+                    return total
+                way = Ray()
+                way.origin = ray.origin
+                way.direction = ray.direction
+                way.t_max = found.distance - end_margin(ray.origin, found.distance)
+                arriving = wp.cw_mul(arriving, shadow(scene, light, way, 0.0))
+        # Ties go to the light, as they do for shadow rays: a lamp may lie on a ceiling.
+        if not changed:
+            place = found.distance - end_margin(ray.origin, found.distance)
+            if place <= near or place > far:
+                return total
+        weight = wp.float32(1.0)
+        if departure.pdf > 0.0:
+            finite = index < scene.finite_lights
+            chosen = probability_of(scene, departure.position, departure.normal, light, finite)
+            weight = power_heuristic(departure.pdf, found.pdf * chosen)
+        arriving = wp.cw_mul(arriving, shape(scene, light, ray.direction))
+        result = Met()
+        result.radiance = total.radiance + wp.cw_mul(share_of(light, departure), arriving) * weight
+        result.count = total.count + 1
+        return result
+
+    @wp.func
+    def met(scene: DeviceScene, visible: Visible, departure: Departure, ray: Ray, near: float, far: float) -> Met:
+        total = Met()
+        for i in range(scene.infinite_lights):
+            index = scene.finite_lights + i
+            total = met_one(scene, visible, departure, ray, near, far, index, total)
+        if departure.prim < 0 and visible.lights == 0:
+            return total
+        if scene.finite_lights <= FEW_LIGHTS:
+            for index in range(scene.finite_lights):
+                total = met_one(scene, visible, departure, ray, near, far, index, total)
+            return total
+        reach = far
+        if wp.static("shadows" in effects):
+            reach = INFINITY
+        query = wp.bvh_query_ray(scene.light_boxes, ray.origin, ray.direction)
+        found = wp.int32(0)
+        while wp.bvh_query_next(query, found, reach):
+            total = met_one(scene, visible, departure, ray, near, far, found, total)
+        return total
+
+    return met
+
+
+@cache
+def aimed_function(key: PathKey) -> wp.Function:
+    """`aimed(scene, surface, bsdf, tangent, wo, sample, step) -> Met`: reflected light of one light, aimed at.
+
+    `count` says whether a shadow ray was traced.
+    """
+    sample_light, _ = light_functions(key.lights)
+    prepare, evaluate, _ = material_functions(key.materials, key.features)
+    shading_at = shading_function(key.shapes, key.features)
+    shape = shaping_function(key.light_effects)
+    shadow = shadow_function(key)
+    glow = bool(set(GLOWING) & set(key.lights))
+    linking = "linking" in key.light_effects
+
+    @wp.func
+    def aimed(
+        scene: DeviceScene, surface: Surface, bsdf: Bsdf, tangent: wp.vec3, wo: wp.vec3, sample: SampleStream, step: int
+    ) -> Met:
+        nothing = Met()
+        u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
+        choice = choose_light(scene, surface.position, surface.geometric_normal, u)
+        if choice.index < 0:
+            return nothing
+        light = scene.lights[choice.index]
+        if wp.static(linking):
+            if not is_linked(scene, light.links, scene.instances[surface.hit.instance].prim):
+                return nothing
+        towards = sample_light(scene, light, surface.position, random_pair(sample, step, DIMENSION_LIGHT))
+        if towards.pdf <= 0.0 or wp.dot(surface.geometric_normal, towards.direction) <= 0.0:
+            return nothing
+        value = evaluate(scene, bsdf, wo, to_frame(tangent, surface.normal, towards.direction))
+        response = value.diffuse * light.diffuse + value.specular * light.specular
+        if max_component(response) <= 0.0:
+            return nothing
+        radiance = towards.radiance
+        ray = shadow_ray(surface, towards)
+        if wp.static(glow):
+            if towards.hit.instance >= 0:
+                source = shading_at(scene, ray, towards.hit, surface.footprint)
+                radiance = emitted(light, source, prepare(scene, source).emission)
+                ray = ray_between(surface, source)
+        radiance = wp.cw_mul(radiance, shape(scene, light, towards.direction))
+        if max_component(radiance) <= 0.0:
+            return nothing
+        density = towards.pdf * choice.probability
+        weight = wp.float32(1.0)
+        # Rays that hit geometry see its light as light goes: where shadows are changed they leave it to this way.
+        alone = towards.delta != 0 or (towards.hit.instance >= 0 and light.shadow != SHADOW_PLAIN)
+        if not alone:
+            weight = power_heuristic(density, value.pdf)
+        arriving = wp.cw_mul(radiance, shadow(scene, light, ray, surface.footprint)) * (weight / density)
+        result = Met()
+        result.radiance = wp.cw_mul(response, arriving)
+        result.count = 1
+        return result
+
+    return aimed
+
+
+@cache
+def glow_function(key: PathKey) -> wp.Function:
+    """`glow(scene, departure, direction, surface, emission)`: what arrives from a surface that was hit."""
+    shape = shaping_function(key.light_effects)
+    glowing = bool(set(GLOWING) & set(key.lights))
+    linking = "linking" in key.light_effects
+
+    @wp.func
+    def glow(
+        scene: DeviceScene, departure: Departure, direction: wp.vec3, surface: Surface, emission: wp.vec3
+    ) -> wp.vec3:
+        if wp.static(glowing):
+            index = scene.instances[surface.hit.instance].light
+            if index >= 0:
+                light = scene.lights[index]
+                if wp.static(linking):
+                    if departure.prim >= 0 and not is_linked(scene, light.links, departure.prim):
+                        return wp.vec3(0.0, 0.0, 0.0)
+                radiance = emitted(light, surface, emission)
+                if max_component(radiance) <= 0.0:
+                    return radiance
+                if light.shadow != SHADOW_PLAIN and departure.pdf > 0.0:
+                    return wp.vec3(0.0, 0.0, 0.0)
+                weight = wp.float32(1.0)
+                if departure.pdf > 0.0:
+                    density = hit_density(scene, light, departure.position, direction, surface)
+                    chosen = probability_of(scene, departure.position, departure.normal, light, True)
+                    weight = power_heuristic(departure.pdf, density * chosen)
+                radiance = wp.cw_mul(radiance, shape(scene, light, direction))
+                return wp.cw_mul(share_of(light, departure), radiance) * weight
+        return wp.cw_mul(departure.diffuse + departure.specular, emission)
+
+    return glow
