@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .scene import Scene, SceneError
     from .textures import PrimvarReader, Texture
     from .usd import StageReader, load
+    from .visibility.raster import Raster, rasterize
     from .visibility.rays import RayCaster
 
 __version__ = "0.1.0"
@@ -39,6 +40,7 @@ _HOMES = {
     "Frame": "frame",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
+    "Raster": "visibility.raster",
     "RayCaster": "visibility.rays",
     "RectLight": "lights",
     "RenderPlan": "plan",
@@ -49,6 +51,7 @@ _HOMES = {
     "StageReader": "usd",
     "Texture": "textures",
     "load": "usd",
+    "rasterize": "visibility.raster",
     "render": "renderer",
 }
 
@@ -62,6 +65,7 @@ __all__ = [
     "Frame",
     "PreviewSurface",
     "PrimvarReader",
+    "Raster",
     "RayCaster",
     "RectLight",
     "RenderPlan",
@@ -72,6 +76,7 @@ __all__ = [
     "StageReader",
     "Texture",
     "load",
+    "rasterize",
     "render",
 ]
 
