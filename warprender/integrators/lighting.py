@@ -157,10 +157,11 @@ def shadow_function(key: PathKey) -> wp.Function:
                     if wp.static(straight_through):
                         through = prepare(scene, surface_at(scene, ray, hit)).pass_through
                     if wp.static(changed):
-                        strength = shadow_strength(light, hit.t)
-                        if not is_linked(scene, light.shadow_links, scene.instances[hit.instance].prim):
-                            strength = 0.0
-                        through = 1.0 - strength * (1.0 - through)
+                        if light.shadow != SHADOW_PLAIN:
+                            strength = shadow_strength(light, hit.t)
+                            if not is_linked(scene, light.shadow_links, scene.instances[hit.instance].prim):
+                                strength = 0.0
+                            through = 1.0 - strength * (1.0 - through)
                     passed = passed * through
                     hit = closest_after(scene, ray, hit)
                     count += 1

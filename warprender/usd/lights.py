@@ -85,7 +85,7 @@ def geometry_light_targets(reading: Reading, prim: Usd.Prim) -> list[str]:
     """Paths of the placements that a GeometryLight makes shine."""
     geometry = prim.GetRelationship("geometry")
     targets = geometry.GetForwardedTargets() if geometry else []
-    return [path for path, source in reading.sources.items() if any(source[0].HasPrefix(t) for t in targets)]
+    return [path for path, source in reading.placed.items() if any(source[0].HasPrefix(t) for t in targets)]
 
 
 def _with_inputs(reading: Reading, prim: Usd.Prim, light: Light) -> Light | None:
