@@ -94,7 +94,7 @@ def test_every_flag_arrives(recorder):
         "--variant /a:look=red --variant /a:size=big -cam /cam --resolution 8x4 --aov color,depth --aov primId "
         "--filter box --cameraLight on --enableDomeLightVisibility --enableLightVisibility --transport path "
         "--visibility rays --samples 9 --error 0.1 --seconds 2.5 --bounces 0 --seed 5 --threads 2 "
-        "--disableGpu --disableDrawMode"
+        "--energyCompensation --disableGpu --disableDrawMode"
     )
     assert main(["render", *flags.split(), "a.usda", "a.exr"]) == 0
     (load,) = recorder.loads
@@ -124,6 +124,7 @@ def test_every_flag_arrives(recorder):
         "lights_visible": True,
         "filter": "box",
         "sampler": "sobol",
+        "energy_compensation": True,
     }
     assert recorder.renders == [dict(samples=9, error=0.1, seconds=2.5, seed=5, progress=None)]
 

@@ -36,13 +36,32 @@ def glass_through_a_lens():
     return scene, scenes.camera((0, 0, 5), focusDistance=4.0, fStop=8.0)
 
 
-@pytest.mark.parametrize("build", [mesh_under_a_rect_light, glossy_spheres_in_a_dome, glass_through_a_lens])
+def textures_under_the_camera_light():
+    noise = np.random.default_rng(0).random((16, 16, 4)).astype(np.float32)
+    wraps = {"wrapS": "repeat", "wrapT": "mirror"}
+    look = wr.PreviewSurface(
+        diffuseColor=wr.Texture(noise, **wraps),
+        roughness=wr.Texture(noise, "g", **wraps),
+        opacity=wr.Texture(noise, "a", **wraps),
+        normal=wr.Texture(noise, scale=(1, 1, 1, 1), bias=(-0.5, -0.5, 0.5, 0), **wraps),
+    )
+    scene = wr.Scene()
+    points, faces = scenes.quad(4.0)
+    scene.add_mesh("/near", points, faces, material=look, st=points[:, :2])
+    scene.add_mesh("/far", points - (0, 0, 1), faces, material=wr.PreviewSurface(metallic=1.0))
+    return scene, scenes.camera((0, -3, 2))
+
+
+BUILDERS = (mesh_under_a_rect_light, glossy_spheres_in_a_dome, glass_through_a_lens, textures_under_the_camera_light)
+
+
+@pytest.mark.parametrize("build", BUILDERS)
 def test_specialised_is_everything(build):
     scene, view = build()
     renderer = wr.Renderer(scene, view, (48, 48))
     own, all_effects = renderer.plan.path, everything()
     assert own != all_effects
-    for field in ("shapes", "materials", "lights", "camera"):
+    for field in ("shapes", "materials", "lights", "camera", "features"):
         assert set(getattr(own, field)) <= set(getattr(all_effects, field))
     special = renderer.render(samples=16)
     renderer.plan.path = all_effects

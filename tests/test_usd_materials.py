@@ -75,7 +75,7 @@ def test_a_surface_that_is_not_drawn_is_named_and_falls_back():
     assert scene.warnings == ["/A: surface ND_standard_surface_surfaceshader is not drawn yet"]
 
 
-def test_an_unread_texture_leaves_its_fallback_and_a_warning():
+def test_a_texture_without_a_file_leaves_its_fallback_and_a_warning():
     scene = scene_of(
         material("A", "color3f inputs:diffuseColor.connect = </A/t.outputs:rgb>").rstrip("} ")
         + """} def Shader "t" { uniform token info:id = "UsdUVTexture"
@@ -84,7 +84,7 @@ def test_an_unread_texture_leaves_its_fallback_and_a_warning():
         + sphere("x", "rel material:binding = </A>")
     )
     assert [round(c, 6) for c in scene.materials["/A"].diffuseColor] == [0.1, 0.2, 0.3]
-    assert len(scene.warnings) == 1 and scene.warnings[0].startswith("/A/s: diffuseColor")
+    assert len(scene.warnings) == 1 and scene.warnings[0].startswith("/A/t: it names no file")
 
 
 def test_bad_values_keep_the_fallback_with_a_warning():

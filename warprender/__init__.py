@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
+    from .textures import PrimvarReader, Texture
     from .usd import StageReader, load
     from .visibility.rays import RayCaster
 
@@ -37,6 +38,7 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "PreviewSurface": "materials",
+    "PrimvarReader": "textures",
     "RayCaster": "visibility.rays",
     "RectLight": "lights",
     "RenderPlan": "plan",
@@ -45,6 +47,7 @@ _HOMES = {
     "SceneError": "scene",
     "SphereLight": "lights",
     "StageReader": "usd",
+    "Texture": "textures",
     "load": "usd",
     "render": "renderer",
 }
@@ -58,6 +61,7 @@ __all__ = [
     "DomeLight",
     "Frame",
     "PreviewSurface",
+    "PrimvarReader",
     "RayCaster",
     "RectLight",
     "RenderPlan",
@@ -66,6 +70,7 @@ __all__ = [
     "SceneError",
     "SphereLight",
     "StageReader",
+    "Texture",
     "load",
     "render",
 ]

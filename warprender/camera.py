@@ -189,3 +189,14 @@ def camera_ray_function(effects: tuple[str, ...]) -> wp.Function:
         return ray
 
     return camera_ray
+
+
+@wp.func
+def pixel_cone(camera: CameraRecord) -> wp.vec2:
+    """Width of a pixel where its ray starts, in scene units, and its growth along the ray."""
+    width = (camera.window[2] - camera.window[0]) / wp.float32(camera.width)
+    height = (camera.window[3] - camera.window[1]) / wp.float32(camera.height)
+    pixel = wp.sqrt(wp.abs(width * height))
+    if camera.orthographic != 0:
+        return wp.vec2(pixel, 0.0)
+    return wp.vec2(pixel * camera.near, pixel)

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from .lights import CameraLight, DomeLight, GlowingSphere, Light, MeshLight
-from .scene import Placement, Scene
+from .scene import Placement, Scene, materials_of
 from .shapes import Mesh, Sphere
 
 #: Geometry that emits a smaller share of all light than this is left to be met by chance: aiming at it would call for
@@ -68,8 +68,3 @@ def triangle_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(T,) areas of triangles (T, 3) of points (N, 3)."""
     corners = points[triangles]
     return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-
-
-def materials_of(placement: Placement) -> list[str]:
-    """Keys of the materials that a placement shows: its own, and those of its shape's faces."""
-    return [placement.material, *getattr(placement.shape, "face_materials", {})]

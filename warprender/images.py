@@ -12,7 +12,13 @@ takes one type for each part, hence integers go into a second part named "intege
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import io
+import os
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -165,11 +171,7 @@ def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, object]]:
     Raises:
         ValueError: the file is missing or is no image; the message names it.
     """
-    as_stored = oiio.ImageSpec()
-    as_stored.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), as_stored)
-    if source is None:
-        raise ValueError(f"{path}: cannot be read: {_oiio_reason(oiio.geterror())}")
+    source = _open_as_stored(str(path), str(path))
     layers: dict[str, np.ndarray] = {}
     metadata = {a.name: a.value for a in source.spec().extra_attribs}
     part = 0
@@ -184,6 +186,117 @@ def read(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, object]]:
         part += 1
     source.close()
     return layers, metadata
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image that is looked up as a texture, as its file holds it.
+
+    Attributes:
+        pixels: (H, W, C) uint8, uint16, float16 or float32, row 0 at the top, C from 1 to 4: grey, grey and alpha,
+            colour, colour and alpha. Neither curve nor alpha is undone.
+        metadata: attribute name to value.
+    """
+
+    pixels: np.ndarray
+    metadata: Mapping[str, object]
+
+
+#: OpenImageIO's types that are kept as they are; all others become float32.
+_KEPT_TYPES = {oiio.UINT8: np.uint8, oiio.UINT16: np.uint16, oiio.HALF: np.float16}
+
+
+def read_picture(path: str) -> Picture:
+    """Read the first part of an image, which may lie in a package: `folder/model.usdz[textures/wood.png]`.
+
+    Raises:
+        ValueError: the file is missing, is no image or has no pixels; the message names it.
+    """
+    with _unpacked(path) as file:
+        source = _open_as_stored(file, path)
+        spec = source.spec()
+        kind = spec.format.basetype
+        dtype = _KEPT_TYPES.get(kind, np.float32)
+        pixels = source.read_image(0, 0, 0, spec.nchannels, kind if kind in _KEPT_TYPES else oiio.FLOAT)
+        if pixels is None or pixels.size == 0:
+            raise ValueError(f"{path}: cannot be read: {_oiio_reason(source.geterror())}")
+        pixels = np.asarray(pixels).view(dtype).reshape(spec.height, spec.width, spec.nchannels)
+        channels = _color_channels(spec.channelnames)
+        if channels != list(range(spec.nchannels)):
+            pixels = np.ascontiguousarray(pixels[..., channels])
+        return Picture(pixels, {a.name: a.value for a in spec.extra_attribs})
+
+
+@dataclass(frozen=True)
+class PictureHeader:
+    """What is known of a picture without its pixels; `itemsize` is the bytes of a channel."""
+
+    height: int
+    width: int
+    itemsize: int
+    metadata: Mapping[str, object]
+
+
+def picture_header(path: str) -> PictureHeader:
+    """The header of the file that `read_picture` reads; raises as it does."""
+    with _unpacked(path) as file:
+        spec = _open_as_stored(file, path).spec()
+        itemsize = np.dtype(_KEPT_TYPES.get(spec.format.basetype, np.float32)).itemsize
+        return PictureHeader(spec.height, spec.width, itemsize, {a.name: a.value for a in spec.extra_attribs})
+
+
+def exists(path: str) -> bool:
+    """Whether there is a file, which may lie in a package."""
+    file, *inner = _package_chain(path)
+    if not inner:
+        return os.path.isfile(path)
+    try:
+        return inner[0] in zipfile.ZipFile(file).namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
+def _open_as_stored(file: str, path: str) -> oiio.ImageInput:
+    """Open with alpha left alone; `path` names the file in messages."""
+    as_stored = oiio.ImageSpec()
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(file, as_stored)
+    if source is None:
+        raise ValueError(f"{path}: cannot be read: {_oiio_reason(oiio.geterror())}")
+    return source
+
+
+def _color_channels(names: tuple[str, ...]) -> list[int]:
+    """Positions of R, G, B and A where the file names them, else of the first channels, four at most."""
+    found = [names.index(letter) for letter in "RGBA" if letter in names]
+    return found if len(found) >= 3 else list(range(min(len(names), 4)))
+
+
+def _package_chain(path: str) -> list[str]:
+    """The file, then the paths in the packages that it nests: "a.usdz[b.usdz[c.png]]" has three, "c.png" one."""
+    return path.rstrip("]").split("[") if path.endswith("]") else [path]
+
+
+@contextmanager
+def _unpacked(path: str) -> Iterator[str]:
+    """The path of a file that OpenImageIO can open; a copy in the temporary folder for one in a package.
+
+    OpenImageIO reads from memory too, but its Python package does not offer it.
+    """
+    file, *inner = _package_chain(path)
+    if not inner:
+        yield path
+        return
+    try:
+        data = Path(file).read_bytes()
+        for name in inner:
+            data = zipfile.ZipFile(io.BytesIO(data)).read(name)
+    except (OSError, KeyError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: cannot be read: {error}") from None
+    with tempfile.TemporaryDirectory() as folder:
+        file = os.path.join(folder, Path(inner[-1]).name)
+        Path(file).write_bytes(data)
+        yield file
 
 
 def _write_hdr(path: Path, rgba: np.ndarray, metadata: Mapping[str, str] | None) -> None:

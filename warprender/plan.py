@@ -12,13 +12,15 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from .camera import Camera
-from .emitters import lit, materials_of
+from .emitters import lit
 from .lights import Light
 from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS, DisplayColor
+from .materials.inputs import FEATURES, NORMAL
 from .outputs import OUTPUTS
-from .scene import Placement, Scene, SceneError
+from .scene import Placement, Scene, SceneError, materials_of
 from .shapes import SHAPES, Primvar
+from .textures import Texture
 
 TRANSPORTS = ("none", "path")
 VISIBILITIES = ("rays",)
@@ -48,6 +50,7 @@ class PathKey:
     camera: tuple[str, ...]
     sampled_lights: bool
     straight_through: bool
+    features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,7 @@ class OutputsKey:
     camera: tuple[str, ...]
     outputs: tuple[str, ...]
     straight_through: bool
+    features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,7 @@ class Request:
     bounces: int | None = None
     dome_light_visible: bool = False
     lights_visible: bool = False
+    energy_compensation: bool = False
 
 
 @dataclass
@@ -131,6 +136,7 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     materials = _effects(
         plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
     )
+    features = _material_features(plan, scene, request)
     passing = _straight_through(scene)
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
@@ -141,7 +147,8 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
-        plan.outputs = OutputsKey(shapes, materials, tuple(e for e in effects if e != "lens"), aovs, bool(passing))
+        pinhole = tuple(e for e in effects if e != "lens")
+        plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features)
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
         kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
@@ -149,7 +156,7 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
         why = "lights that can be aimed at" if sampled else ""
         _note(plan, "shadow rays", why, "a light other than a dome")
         light_effects = _light_effects(plan, lights)
-        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing))
+        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features)
         _bound_bounces(plan, scene, request)
     return plan
 
@@ -164,6 +171,7 @@ def everything() -> PathKey:
         camera=("clippingPlanes", "lens", "orthographic", "perspective"),
         sampled_lights=True,
         straight_through=True,
+        features=FEATURES,
     )
 
 
@@ -221,6 +229,31 @@ def _material_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
+def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tuple[str, ...]:
+    """What material inputs need of the kernel; notes each input that varies, and cut-outs, with the first caller."""
+    features = {"energy compensation"} if request.energy_compensation else set()
+    uses: dict[str, str] = {}
+    cut_out = ""
+    for path, placement in scene.placements.items():
+        for key in materials_of(placement):
+            material = scene.materials[key]
+            for number, (name, source) in material.varying().items():
+                reads = "texture" if isinstance(source, Texture) else "primvar"
+                features.add(reads)
+                _first(uses, f"{reads} {name}", path)
+                if number == NORMAL:
+                    features.add("normal map")
+            if material.is_cut_out():
+                cut_out = cut_out or path
+    plan.reasons |= dict(sorted(uses.items()))
+    for feature in ("normal map", "primvar", "texture"):
+        if feature not in features:
+            plan.absent[feature] = f"a material input that is connected to a {feature}"
+    _note(plan, "cut-out", cut_out, "an opacityThreshold above 0")
+    _note(plan, "energy compensation", "asked for" if request.energy_compensation else "", "--energyCompensation")
+    return tuple(sorted(features))
+
+
 def _light_callers(lights: dict[str, Light]) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, light in lights.items():
@@ -268,7 +301,7 @@ def _largest_albedo(scene: Scene) -> float:
 
 def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
     """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted."""
-    albedo = _largest_albedo(scene)
+    albedo = 1.0 if request.energy_compensation else _largest_albedo(scene)
     bounces = request.bounces
     if bounces is None:
         bounces = MOST_BOUNCES

@@ -43,6 +43,7 @@ class Surface:
     """A hit point with all that shading needs; both normals are on the side of `outgoing`.
 
     `error` bounds |position - exact| per axis; `front` says whether the authored normal faces the viewer.
+    `footprint` is the width across the ray of what one look-up at the point stands for; 0 is the point alone.
     """
 
     position: wp.vec3
@@ -54,13 +55,15 @@ class Surface:
     hit: Hit
     geometry: wp.int32
     material: wp.int32
+    footprint: wp.float32
 
 
 @wp.struct
 class Bsdf:
     """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
 
-    `present` scales all that the surface does to light but let it through.
+    `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
+    diffuse part, already scaled by it, leaves to nothing else.
     """
 
     kind: wp.int32
@@ -68,11 +71,13 @@ class Bsdf:
     diffuse: wp.vec3
     f0: wp.vec3
     f90: wp.vec3
+    multiple: wp.vec3
     alpha: wp.float32
     coat: wp.float32
     coat_f0: wp.float32
     coat_alpha: wp.float32
     present: wp.float32
+    cover: wp.float32
     pass_through: wp.float32
 
 
@@ -158,10 +163,62 @@ class World:
 
 @wp.struct
 class MaterialRecord:
-    """One material: its kind, and values by the input numbers that the kind's file names."""
+    """One material: its kind, and values by the input numbers that the kind's file names.
+
+    What varies over the surface are the `varying` entries of `DeviceScene.inputs` from number `first` on; the entry
+    of a tangent-space normal is number `normal`, -1 where there is none.
+    """
 
     kind: wp.int32
     values: MaterialValues
+    first: wp.int32
+    varying: wp.int32
+    normal: wp.int32
+
+
+@wp.struct
+class InputRecord:
+    """Where input `number` comes from: a picture, a set of tiles, or with neither (-1) a primvar as it is.
+
+    `footprint` multiplies the surface's. `primvar` is the slot of the texture coordinates, or of the value itself,
+    -1 for `absent`, which also stands in where a shape has no such primvar. A picture is seen at
+    linear · coordinates + offset; `channel` is 0 … 3, or 4 for all. `tangents` is the slot of the tangents along
+    those coordinates, -1 where nothing asks for them.
+    """
+
+    number: wp.int32
+    footprint: wp.float32
+    picture: wp.int32
+    tiles: wp.int32
+    primvar: wp.int32
+    tangents: wp.int32
+    absent: wp.vec4
+    linear: wp.mat22
+    offset: wp.vec2
+    wrap_s: wp.int32
+    wrap_t: wp.int32
+    channel: wp.int32
+    scale: wp.vec4
+    bias: wp.vec4
+    fallback: wp.vec4
+
+
+@wp.struct
+class PictureRecord:
+    """A picture: its `levels`, finest first, from number `level` on; `format` is one of texels.FORMATS."""
+
+    format: wp.int32
+    level: wp.int32
+    levels: wp.int32
+
+
+@wp.struct
+class LevelRecord:
+    """One level of a picture: rows from the bottom, from word number `first` of `DeviceScene.texels` on."""
+
+    first: wp.int32
+    width: wp.int32
+    height: wp.int32
 
 
 @wp.struct
@@ -296,6 +353,9 @@ class InstanceRecord:
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
+    `albedo` is `materials.albedo.albedo_table`. `tiles` has 100 picture numbers a UDIM set, -1 where there is none;
+    `decode` is the sRGB curve for the 256 codes.
+
     `albedo` is `materials.albedo.albedo_table`. `lights` has first `finite_lights` that rays may meet, whose boxes are
     in `light_boxes`, then `infinite_lights`, last the geometry that glows. `light_cdf` is over the infinite lights
     and, as its last entry, the tree of all others. `link_sets` has a bit for each prim.
@@ -305,7 +365,14 @@ class DeviceScene:
     geometries: wp.array(dtype=GeometryRecord)
     world: World
     materials: wp.array(dtype=MaterialRecord)
-    albedo: wp.array2d(dtype=wp.vec3)
+    albedo: wp.array2d(dtype=wp.vec4)
+    energy_compensation: wp.int32
+    inputs: wp.array(dtype=InputRecord)
+    pictures: wp.array(dtype=PictureRecord)
+    levels: wp.array(dtype=LevelRecord)
+    texels: wp.array(dtype=wp.uint32)
+    tiles: wp.array(dtype=wp.int32)
+    decode: wp.array(dtype=wp.float32)
     primvars: wp.array(dtype=PrimvarRecord)
     primvar_count: wp.int32
     display_color: wp.int32

@@ -20,6 +20,7 @@ from .outputs import OUTPUTS, OutputBuffers
 from .plan import RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError
+from .texels import TEXTURE_BYTES
 from .upload import Upload, camera_light_at
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
@@ -55,6 +56,9 @@ class Renderer:
         lights_visible: whether the camera sees all lights, domes among them.
         filter: reconstruction filter: "box" (one pixel wide), "triangle" (2) or "gaussian" (3).
         sampler: "sobol" (scrambled points, well spread over a pixel's samples) or "independent" numbers.
+        energy_compensation: give back what specular lobes lose between their facets; UsdPreviewSurface does not.
+        texture_bytes: most memory for pictures, 2 GiB unless asked otherwise; beyond it the largest are halved, with
+            a warning. `frame.stats["texture bytes"]` is what they take.
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
@@ -82,6 +86,8 @@ class Renderer:
         lights_visible: bool = False,
         filter: str = "box",
         sampler: str = "sobol",
+        energy_compensation: bool = False,
+        texture_bytes: int = TEXTURE_BYTES,
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -93,14 +99,17 @@ class Renderer:
         if min(self.resolution) < 1:
             raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
         outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-        self.request = Request(outputs, visibility, transport, bounces, dome_light_visible, lights_visible)
+        self.request = Request(
+            outputs, visibility, transport, bounces, dome_light_visible, lights_visible, energy_compensation
+        )
         with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = analyse(scene, self.camera, self.request, with_camera_light)
 
         lights = lit(scene, with_camera_light)
         if with_camera_light:
             camera_light_at(lights["camera light"], self.camera.transform)
-        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device)
+        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes)
+        self._upload.record.energy_compensation = int(energy_compensation)
         for warning in self._upload.warnings:
             scene.warn(warning)
         if not (scene.placements or dome_light_visible or lights_visible):
@@ -230,6 +239,7 @@ class Renderer:
             stats["rays"] = self._film.ray_counts()
             stats["error"] = self._film.relative_error()
             stats["dropped samples"] = self._film.dropped_samples()
+        stats["texture bytes"] = self._upload.texture_bytes
         stats["plan"] = self.plan.as_dict()
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}

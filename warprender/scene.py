@@ -46,6 +46,11 @@ class Placement:
             self.instance_ids = np.full(len(self.transforms), -1, np.int32)
 
 
+def materials_of(placement: Placement) -> list[str]:
+    """Keys of the materials that a placement shows: its own, and those of its shape's faces."""
+    return [placement.material, *getattr(placement.shape, "face_materials", {})]
+
+
 @dataclass
 class RenderSettings:
     """UsdRenderSettings, as far as it is read: resolution in pixels, and the path of the camera."""
@@ -104,6 +109,7 @@ class Scene:
         pose: object = None,
         normals: np.ndarray | None = None,
         color: np.ndarray | Sequence | None = None,
+        st: np.ndarray | None = None,
     ) -> Mesh:
         """Add a mesh prim.
 
@@ -119,6 +125,7 @@ class Scene:
             normals: (N, 3) shading normals in object space, of any length, or None for flat shading.
             color: linear Rec.709 reflectance, one (3,) or one for each point (N, 3); None is 0.18 grey. Read only
                 where `material` is None.
+            st: (N, 2) texture coordinates, (0, 0) at the lower left corner of a picture.
 
         Returns:
             The mesh, as `scene.meshes[path]` has it.
@@ -140,6 +147,11 @@ class Scene:
             mesh.normals = _vectors(path, "normals", normals, len(host))
         if color is not None:
             mesh.primvars["displayColor"] = _vectors(path, "color", color, len(host))
+        if st is not None:
+            st = np.asarray(st, np.float32)
+            if st.shape != (len(host), 2):
+                raise SceneError(f"{path}: st has shape {st.shape}, not {(len(host), 2)}")
+            mesh.primvars["st"] = Primvar(st, "vertex")
         self._place(path, mesh, material, pose)
         return mesh
 

@@ -6,24 +6,20 @@ import numpy as np
 import warp as wp
 
 from .lights import CameraLight, Light
-from .materials import MATERIALS
+from .material_tables import MaterialTables, Tangents
 from .materials.albedo import albedo_table
 from .records import (
-    MATERIAL_INPUTS,
     DeviceScene,
     GeometryRecord,
     InstanceRecord,
-    MaterialRecord,
     PrimvarRecord,
 )
-from .scene import Placement, Scene
+from .scene import Placement, Scene, materials_of
 from .shapes import SHAPES, Mesh, Sphere
-from .shapes.primvar import absent_primvar
+from .shapes.primvar import INTERPOLATIONS, absent_primvar
+from .texels import TEXTURE_BYTES
 from .upload_lights import LightUpload, Placed
 from .visibility.trees import MeshTree, SphereShape, WorldTree
-
-#: Primvars that materials read, in the order of their slots.
-_PRIMVARS = ("displayColor", "displayOpacity")
 
 
 class Upload:
@@ -33,16 +29,31 @@ class Upload:
         record: what kernels read.
         origin: (3,) float64 world position that positions on the device are relative to; a float32 value.
         bounds: (2, 3) float64 world box of everything placed; zero size at the origin when nothing is.
+        texture_bytes: bytes that the pictures take.
         warnings: one line for each thing that could not be drawn.
     """
 
-    def __init__(self, scene: Scene, lights: dict[str, Light], origin: np.ndarray, device: str) -> None:
-        """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32."""
+    def __init__(
+        self,
+        scene: Scene,
+        lights: dict[str, Light],
+        origin: np.ndarray,
+        device: str,
+        texture_bytes: int = TEXTURE_BYTES,
+    ) -> None:
+        """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32.
+
+        Pictures are made smaller until all of them take `texture_bytes` at most.
+        """
         self.device = device
         self.origin = np.asarray(origin, np.float32).astype(np.float64)
         self.warnings: list[str] = []
         self._kept: list[object] = []
         self._materials = {key: i for i, key in enumerate(scene.materials)}
+        used = {key for placement in scene.placements.values() for key in materials_of(placement)}
+        self._tables = MaterialTables(scene.materials, used, texture_bytes)
+        self.texture_bytes = self._tables.pool.words.nbytes
+        self.warnings += self._tables.warnings
         self._geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
@@ -51,7 +62,7 @@ class Upload:
         self._shapes: dict[int, Mesh | Sphere] = {}
         self._drawn: dict[int, np.ndarray] = {}
         placed = self._place(scene)
-        self._upload_materials(scene)
+        self._upload_materials()
         self._lights = LightUpload(scene, lights, placed, self.record, device)
         self.warnings += self._lights.warnings
         self.record.instances = self._array(placed.instances, InstanceRecord)
@@ -72,8 +83,9 @@ class Upload:
         self.bounds = np.stack([box[:, 0].min(0), box[:, 1].max(0)]) if len(box) else np.tile(self.origin, (2, 1))
         self.record.geometries = self._array(self._geometries, GeometryRecord)
         self.record.primvars = self._array(self._primvars, PrimvarRecord)
-        self.record.primvar_count = len(_PRIMVARS)
-        used = [any(p.interpolation >= 0 for p in self._primvars[k :: len(_PRIMVARS)]) for k in range(2)]
+        slots = len(self._tables.slots)
+        self.record.primvar_count = slots
+        used = [any(p.interpolation >= 0 for p in self._primvars[k::slots]) for k in range(2)]
         self.record.display_color, self.record.display_opacity = (k if used[k] else -1 for k in range(2))
         self._build_world(rows)
         return Placed(table, self._shapes, self._drawn, box, self.bounds, self.origin)
@@ -133,11 +145,27 @@ class Upload:
                 self._shapes[known[key]] = shape
                 record.kind = SHAPES.index(type(shape))
                 self._geometries.append(record)
-                corners = getattr(shape, "corners", np.zeros((0, 3), np.int32))
-                for name in _PRIMVARS:
-                    primvar = shape.primvars.get(name)
-                    self._primvars.append(primvar.upload(corners, self.device) if primvar else absent_primvar())
+                keep = _drawable_triangles(shape) if isinstance(shape, Mesh) else np.zeros(0, bool)
+                self._primvars += [self._primvar(shape, keep, slot) for slot in self._tables.slots]
         return known[key]
+
+    def _primvar(self, shape: Mesh | Sphere, keep: np.ndarray, slot: str | Tangents) -> PrimvarRecord:
+        """What a shape has in a slot; `keep` (T,) bool are the triangles of a mesh that are drawn."""
+        if isinstance(slot, str):
+            primvar = shape.primvars.get(slot)
+            if primvar is None:
+                return absent_primvar()
+            corners = shape.corners[keep] if isinstance(shape, Mesh) else np.zeros((0, 3), np.int32)
+            return primvar.upload(corners, self.device)
+        found = slot.of(shape, _host_points(shape)) if isinstance(shape, Mesh) else None
+        if found is None:
+            return absent_primvar()
+        tangents, rows = found
+        record = PrimvarRecord()
+        record.interpolation, record.width = INTERPOLATIONS.index("faceVarying"), tangents.shape[1]
+        record.values = self._array(tangents.reshape(-1), wp.float32)
+        record.indices = self._array(rows[keep].reshape(-1), wp.int32)
+        return record
 
     def _upload_sphere(self, sphere: Sphere) -> GeometryRecord | None:
         if not sphere.radius > 0 or not np.isfinite(sphere.radius):
@@ -150,8 +178,7 @@ class Upload:
         return record
 
     def _upload_mesh(self, path: str, mesh: Mesh, material: str) -> GeometryRecord | None:
-        points = mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points, np.float32)
-        keep = _drawable(points, mesh.triangles)
+        points, keep = _host_points(mesh), _drawable_triangles(mesh)
         if not keep.all():
             self.warnings.append(f"{path}: {int((~keep).sum())} triangles with non-finite points are not drawn")
         if not keep.any():
@@ -182,15 +209,9 @@ class Upload:
             faces[subset[subset < len(faces)]] = self._materials[key]
         return faces
 
-    def _upload_materials(self, scene: Scene) -> None:
-        rows = np.zeros(len(scene.materials), MaterialRecord.numpy_dtype())
-        for row, material in zip(rows, scene.materials.values(), strict=True):
-            values = material.pack()
-            row["kind"] = MATERIALS.index(type(material))
-            row["values"][: len(values)] = values
-        assert MATERIAL_INPUTS == rows["values"].shape[1]
-        self.record.materials = self._array(rows, MaterialRecord)
-        self.record.albedo = self._array(albedo_table(), wp.vec3)
+    def _upload_materials(self) -> None:
+        self._kept += self._tables.fill(self.record, self.device)
+        self.record.albedo = self._array(albedo_table(), wp.vec4)
 
     def _array(self, data: np.ndarray | list, dtype: type) -> wp.array:
         array = wp.array(data, dtype=dtype, device=self.device) if len(data) else wp.empty(0, dtype=dtype)
@@ -216,8 +237,14 @@ def _inverses(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return inverses, condition
 
 
-def _drawable(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def _host_points(mesh: Mesh) -> np.ndarray:
+    """(N, 3) float32."""
+    return mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points, np.float32)
+
+
+def _drawable_triangles(mesh: Mesh) -> np.ndarray:
     """(T,) bool: triangles whose indices are in range and whose points are finite."""
+    points, triangles = _host_points(mesh), mesh.triangles
     in_range = ((triangles >= 0) & (triangles < len(points))).all(1)
     finite = np.isfinite(points).all(1)
     keep = in_range.copy()

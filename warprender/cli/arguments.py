@@ -153,6 +153,11 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
         help="reflections followed after the camera's hit (default: as many as matter)",
     )
     group.add_argument(
+        "--energyCompensation",
+        action="store_true",
+        help="give back the light that rough specular lobes lose, which UsdPreviewSurface does not",
+    )
+    group.add_argument(
         "--seed", type=count, default=0, metavar="NUMBER", help="another gives an independent picture (default: 0)"
     )
 

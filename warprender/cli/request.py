@@ -70,6 +70,7 @@ def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
         lights_visible=args.enableLightVisibility,
         filter=args.filter,
         sampler=args.sampler,
+        energy_compensation=args.energyCompensation,
     )
 
 

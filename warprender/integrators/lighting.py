@@ -16,6 +16,7 @@ from ..lights.linking import is_linked
 from ..lights.mesh import density_at, emitted
 from ..lights.shadow import shadow_strength
 from ..materials.dispatch import material_functions
+from ..materials.normal_map import shading_function
 from ..numerics import GAMMA_7, INFINITY, max_component, offset_origin, to_frame
 from ..plan import PathKey
 from ..records import (
@@ -29,7 +30,6 @@ from ..records import (
     Surface,
 )
 from ..sampling import DIMENSION_LIGHT, DIMENSION_LIGHT_CHOICE, SampleStream, power_heuristic, random_pair
-from ..shapes.surface import surface_function
 from ..visibility.rays import closest_after_function, closest_function, occluded_function
 
 #: Surfaces that a ray goes straight through, at most.
@@ -128,17 +128,20 @@ def hit_density(scene: DeviceScene, light: LightRecord, origin: wp.vec3, directi
 
 @cache
 def shadow_function(key: PathKey) -> wp.Function:
-    """`shadow(scene, light, ray)`: the share of a light that arrives along a ray from the receiver to it."""
+    """`shadow(scene, light, ray, footprint)`: the share of a light that arrives along a ray from the receiver to it.
+
+    `footprint` is the width that the ray stands for.
+    """
     occluded = occluded_function(key.shapes)
     closest = closest_function(key.shapes)
     closest_after = closest_after_function(key.shapes)
-    surface_at = surface_function(key.shapes)
-    prepare, _, _ = material_functions(key.materials)
+    shading_at = shading_function(key.shapes, key.features)
+    prepare, _, _ = material_functions(key.materials, key.features)
     straight_through = key.straight_through
     changed = "shadows" in key.light_effects
 
     @wp.func
-    def shadow(scene: DeviceScene, light: LightRecord, ray: Ray) -> wp.vec3:
+    def shadow(scene: DeviceScene, light: LightRecord, ray: Ray, footprint: float) -> wp.vec3:
         ones = wp.vec3(1.0, 1.0, 1.0)
         if wp.static(changed):
             if light.shadow == SHADOW_NONE:
@@ -155,12 +158,12 @@ def shadow_function(key: PathKey) -> wp.Function:
                 while hit.instance >= 0 and passed > 0.0 and count < MOST_PASSES:
                     through = wp.float32(0.0)
                     if wp.static(straight_through):
-                        through = prepare(scene, surface_at(scene, ray, hit)).pass_through
+                        through = prepare(scene, shading_at(scene, ray, hit, footprint)).pass_through
                     if wp.static(changed):
-                        if light.shadow != SHADOW_PLAIN:
-                            strength = shadow_strength(light, hit.t)
-                            if not is_linked(scene, light.shadow_links, scene.instances[hit.instance].prim):
-                                strength = 0.0
+                        strength = shadow_strength(light, hit.t)
+                        if not is_linked(scene, light.shadow_links, scene.instances[hit.instance].prim):
+                            strength = 0.0
+                        if strength < 1.0:
                             through = 1.0 - strength * (1.0 - through)
                     passed = passed * through
                     hit = closest_after(scene, ray, hit)
@@ -221,7 +224,7 @@ def met_function(key: PathKey) -> wp.Function:
                 way.origin = ray.origin
                 way.direction = ray.direction
                 way.t_max = found.distance - end_margin(ray.origin, found.distance)
-                arriving = wp.cw_mul(arriving, shadow(scene, light, way))
+                arriving = wp.cw_mul(arriving, shadow(scene, light, way, 0.0))
         # Ties go to the light, as they do for shadow rays: a lamp may lie on a ceiling.
         if not changed:
             place = found.distance - end_margin(ray.origin, found.distance)
@@ -269,8 +272,8 @@ def aimed_function(key: PathKey) -> wp.Function:
     `count` says whether a shadow ray was traced.
     """
     sample_light, _ = light_functions(key.lights)
-    prepare, evaluate, _ = material_functions(key.materials)
-    surface_at = surface_function(key.shapes)
+    prepare, evaluate, _ = material_functions(key.materials, key.features)
+    shading_at = shading_function(key.shapes, key.features)
     shape = shaping_function(key.light_effects)
     shadow = shadow_function(key)
     glow = bool(set(GLOWING) & set(key.lights))
@@ -300,7 +303,7 @@ def aimed_function(key: PathKey) -> wp.Function:
         ray = shadow_ray(surface, towards)
         if wp.static(glow):
             if towards.hit.instance >= 0:
-                source = surface_at(scene, ray, towards.hit)
+                source = shading_at(scene, ray, towards.hit, surface.footprint)
                 radiance = emitted(light, source, prepare(scene, source).emission)
                 ray = ray_between(surface, source)
         radiance = wp.cw_mul(radiance, shape(scene, light, towards.direction))
@@ -312,7 +315,7 @@ def aimed_function(key: PathKey) -> wp.Function:
         alone = towards.delta != 0 or (towards.hit.instance >= 0 and light.shadow != SHADOW_PLAIN)
         if not alone:
             weight = power_heuristic(density, value.pdf)
-        arriving = wp.cw_mul(radiance, shadow(scene, light, ray)) * (weight / density)
+        arriving = wp.cw_mul(radiance, shadow(scene, light, ray, surface.footprint)) * (weight / density)
         result = Met()
         result.radiance = wp.cw_mul(response, arriving)
         result.count = 1

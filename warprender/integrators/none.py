@@ -6,13 +6,13 @@ from functools import cache
 
 import warp as wp
 
-from ..camera import camera_ray_function
+from ..camera import camera_ray_function, pixel_cone
 from ..launch import launch
 from ..materials.dispatch import material_functions
+from ..materials.normal_map import shading_function
 from ..outputs import OUTPUTS, OutputBuffers, Seen
 from ..plan import OutputsKey
 from ..records import CameraRecord, DeviceScene
-from ..shapes.surface import surface_function
 from ..visibility.rays import closest_after_function, closest_function
 
 #: Surfaces that are wholly clear are looked through, this many at most.
@@ -25,8 +25,8 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     camera_ray = camera_ray_function(key.camera)
     closest = closest_function(key.shapes)
     closest_after = closest_after_function(key.shapes)
-    surface_at = surface_function(key.shapes)
-    prepare, _, _ = material_functions(key.materials)
+    shading_at = shading_function(key.shapes, key.features)
+    prepare, _, _ = material_functions(key.materials, key.features)
     writers = tuple(OUTPUTS[name].write for name in key.outputs)
     count = len(writers)
     straight_through = key.straight_through
@@ -41,10 +41,11 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
         seen.camera = camera
         seen.orthographic = wp.static(orthographic)
         seen.ray = camera_ray(camera, wp.float32(seen.x) + 0.5, wp.float32(seen.y) + 0.5, wp.vec2(0.5, 0.5))
+        cone = pixel_cone(camera)
         hit = closest(scene, seen.ray)
         if hit.instance < 0:
             return
-        seen.surface = surface_at(scene, seen.ray, hit)
+        seen.surface = shading_at(scene, seen.ray, hit, cone[0] + cone[1] * hit.t)
         seen.bsdf = prepare(scene, seen.surface)
         if wp.static(straight_through):
             clear = wp.int32(0)
@@ -52,7 +53,7 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
                 hit = closest_after(scene, seen.ray, hit)
                 if hit.instance < 0:
                     return
-                seen.surface = surface_at(scene, seen.ray, hit)
+                seen.surface = shading_at(scene, seen.ray, hit, cone[0] + cone[1] * hit.t)
                 seen.bsdf = prepare(scene, seen.surface)
                 clear += 1
         seen.instance = scene.instances[hit.instance]

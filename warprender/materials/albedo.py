@@ -12,24 +12,30 @@ import warp as wp
 
 from .microfacet import SMALLEST_ALPHA, schlick_weight
 
-#: Entries along the cosine and along the roughness (√alpha), both uniform from 0 to 1.
+#: Entries along √cosine and along the roughness (√alpha), both uniform from 0 to 1; grazing angles bend most.
 SIZE = 32
 _SAMPLES = 1024
 
 
 @lru_cache(maxsize=1)
 def albedo_table() -> np.ndarray:
-    """(SIZE, SIZE, 3) float32 by cosine and roughness: GGX with F = 1, with F = (1 - cos)⁵, and Lambert with that.
+    """(SIZE, SIZE, 4) float32 by cosine and roughness: GGX with F = 1, with F = (1 - cos)⁵, and Lambert with that.
+
+    The fourth is the first one's mean over the cosine-weighted hemisphere, alike for all cosines.
 
     By 1024 points of the Hammersley set over the visible normals, so that no entry is noisier than 1e-3.
     """
-    cosine = np.linspace(0, 1, SIZE)
-    cosine[0] = 1e-3
+    cosine = np.linspace(0, 1, SIZE) ** 2
+    cosine[0] = 1e-4
     u = _hammersley(_SAMPLES)
-    table = np.zeros((SIZE, SIZE, 3), np.float32)
+    table = np.zeros((SIZE, SIZE, 4), np.float32)
     for j, alpha in enumerate(np.maximum(np.linspace(0, 1, SIZE), 0.01) ** 2):
         table[:, j, :2] = _ggx_albedos(cosine[:, None], alpha, u)
     table[..., 2] = _lambert_schlick(cosine, u)[:, None]
+    # ∫ 2 cos E(cos) d cos by midpoints.
+    middles = (np.arange(4096) + 0.5) / 4096
+    for j in range(SIZE):
+        table[:, j, 3] = (2 * middles * np.interp(np.sqrt(middles), np.linspace(0, 1, SIZE), table[:, j, 0])).mean()
     return table
 
 
@@ -77,9 +83,9 @@ def _lambert_schlick(cosine: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 @wp.func
-def white_albedo(table: wp.array2d(dtype=wp.vec3), cosine: float, alpha: float) -> wp.vec3:
-    """The table's three albedos at a cosine and an alpha, bilinear; of a delta lobe the first two are exact."""
-    x = wp.clamp(cosine, 0.0, 1.0) * wp.float32(wp.static(SIZE - 1))
+def white_albedo(table: wp.array2d(dtype=wp.vec4), cosine: float, alpha: float) -> wp.vec4:
+    """The table's albedos at a cosine and an alpha, bilinear; of a delta lobe the first two are exact."""
+    x = wp.sqrt(wp.clamp(cosine, 0.0, 1.0)) * wp.float32(wp.static(SIZE - 1))
     y = wp.clamp(wp.sqrt(alpha), 0.0, 1.0) * wp.float32(wp.static(SIZE - 1))
     i = wp.min(wp.int32(x), wp.static(SIZE - 2))
     j = wp.min(wp.int32(y), wp.static(SIZE - 2))
@@ -89,5 +95,5 @@ def white_albedo(table: wp.array2d(dtype=wp.vec3), cosine: float, alpha: float) 
     far = table[i + 1, j] * (1.0 - t) + table[i + 1, j + 1] * t
     white = near * (1.0 - s) + far * s
     if alpha < SMALLEST_ALPHA:
-        return wp.vec3(1.0, schlick_weight(cosine), white[2])
+        return wp.vec4(1.0, schlick_weight(cosine), white[2], 1.0)
     return white

@@ -13,7 +13,7 @@ import warp as wp
 from ..records import Bsdf, BsdfSample, BsdfValue, DeviceScene, Surface
 from . import MATERIALS, display_color, preview_surface
 
-#: Module of each kind in `MATERIALS`, with its `prepare`, `evaluate` and `sample`.
+#: Module of each kind in `MATERIALS`, with its `prepare_function`, `evaluate` and `sample`.
 MODULES = (display_color, preview_surface)
 
 
@@ -23,19 +23,26 @@ def kind_of(name: str) -> int:
 
 
 @cache
-def material_functions(names: tuple[str, ...]) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """`prepare(scene, surface)`, `evaluate(scene, bsdf, wo, wi)` and `sample(scene, bsdf, wo, u, lobe)`."""
+def material_functions(
+    names: tuple[str, ...], features: tuple[str, ...] = ()
+) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """`prepare(scene, surface)`, `evaluate(scene, bsdf, wo, wi)` and `sample(scene, bsdf, wo, u, lobe)`.
+
+    Args:
+        names: class names of the kinds that occur.
+        features: what of `inputs.FEATURES` occurs, sorted.
+    """
     kinds = [kind_of(name) for name in names] or [0]
     first, *others = kinds
-    prepare, evaluate, sample = _last(first)
+    prepare, evaluate, sample = _last(first, features)
     for kind in others:
-        prepare, evaluate, sample = _link(kind, prepare, evaluate, sample)
+        prepare, evaluate, sample = _link(kind, features, prepare, evaluate, sample)
     return prepare, evaluate, sample
 
 
-def _last(kind: int) -> tuple[wp.Function, wp.Function, wp.Function]:
+def _last(kind: int, features: tuple[str, ...]) -> tuple[wp.Function, wp.Function, wp.Function]:
     module = MODULES[kind]
-    prepare_kind = module.prepare
+    prepare_kind = module.prepare_function(features)
 
     @wp.func
     def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:
@@ -47,9 +54,13 @@ def _last(kind: int) -> tuple[wp.Function, wp.Function, wp.Function]:
 
 
 def _link(
-    kind: int, rest_prepare: wp.Function, rest_evaluate: wp.Function, rest_sample: wp.Function
+    kind: int,
+    features: tuple[str, ...],
+    rest_prepare: wp.Function,
+    rest_evaluate: wp.Function,
+    rest_sample: wp.Function,
 ) -> tuple[wp.Function, wp.Function, wp.Function]:
-    this_prepare, this_evaluate, this_sample = _last(kind)
+    this_prepare, this_evaluate, this_sample = _last(kind, features)
 
     @wp.func
     def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:

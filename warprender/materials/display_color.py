@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -41,9 +42,17 @@ class DisplayColor:
         """Values by input number: (n, 3)."""
         return np.array([self.color, [self.opacity, 0, 0]], np.float32)
 
+    def varying(self) -> dict:
+        """Nothing: the display primvars have slots of their own."""
+        return {}
+
     def passes_light(self) -> bool:
         """Whether rays may go straight through."""
         return self.opacity < 1.0
+
+    def is_cut_out(self) -> bool:
+        """Never."""
+        return False
 
     def largest_emission(self) -> float:
         """Nothing is emitted."""
@@ -52,6 +61,12 @@ class DisplayColor:
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""
         return max(self.color)
+
+
+@cache
+def prepare_function(features: tuple[str, ...]) -> wp.Function:
+    """`prepare(scene, surface) -> Bsdf`, the same for all features."""
+    return prepare
 
 
 @wp.func

@@ -1,14 +1,19 @@
-"""UsdPreviewSurface (specification 2.5, and 2.6 for `opacityMode`) with constant inputs.
+"""UsdPreviewSurface (specification 2.5, and 2.6 for `opacityMode`).
 
 The specification adds its lobes up, which reflects more than arrives at grazing angles. A path tracer cannot: here
 the diffuse part keeps the specification's value wherever the sum of directional albedos stays below 1, and is scaled
 down to it elsewhere, at the viewer and at the light alike, so that it stays reciprocal. A clearcoat dims what lies
 below it by its own directional albedo.
+
+The specular lobe scatters once, as specified, and so loses what bounces between its facets: up to 60 % of a white
+metal at roughness 1. With energy compensation that comes back as a second, wide lobe (Kulla and Conty, Revisiting
+Physically Based Shading at Imageworks, 2017), which is reciprocal too. The clearcoat is not compensated.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -24,10 +29,12 @@ from ..records import (
     BsdfSample,
     BsdfValue,
     DeviceScene,
+    MaterialValues,
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
 from .albedo import SIZE, albedo_table, white_albedo
+from .inputs import NORMAL, Color, Number, Varying, constant, least, values_function
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -36,17 +43,32 @@ from .microfacet import (
     schlick_weight,
 )
 
-DIFFUSE_COLOR = wp.constant(wp.int32(0))
-EMISSIVE_COLOR = wp.constant(wp.int32(1))
-SPECULAR_COLOR = wp.constant(wp.int32(2))
-WORKFLOW_METALLIC_IOR = wp.constant(wp.int32(3))
-ROUGHNESS_COAT = wp.constant(wp.int32(4))
-OPACITY_THRESHOLD_PRESENCE = wp.constant(wp.int32(5))
+#: Inputs in the order of their numbers; the mode is 1 for "presence". `normal` has the number of all kinds.
+INPUTS = (
+    "diffuseColor", "emissiveColor", "specularColor", "useSpecularWorkflow", "metallic", "roughness", "clearcoat",
+    "clearcoatRoughness", "opacity", "opacityThreshold", "ior", "opacityMode",
+)  # fmt: skip
+_NUMBERS = {name: wp.constant(wp.int32(number)) for number, name in enumerate(INPUTS)}
+DIFFUSE_COLOR = _NUMBERS["diffuseColor"]
+EMISSIVE_COLOR = _NUMBERS["emissiveColor"]
+SPECULAR_COLOR = _NUMBERS["specularColor"]
+USE_SPECULAR_WORKFLOW = _NUMBERS["useSpecularWorkflow"]
+METALLIC = _NUMBERS["metallic"]
+ROUGHNESS = _NUMBERS["roughness"]
+CLEARCOAT = _NUMBERS["clearcoat"]
+CLEARCOAT_ROUGHNESS = _NUMBERS["clearcoatRoughness"]
+OPACITY = _NUMBERS["opacity"]
+OPACITY_THRESHOLD = _NUMBERS["opacityThreshold"]
+IOR = _NUMBERS["ior"]
+OPACITY_MODE = _NUMBERS["opacityMode"]
 
 
 @dataclass
 class PreviewSurface:
-    """UsdPreviewSurface 2.6 with constant inputs; names and fallbacks as in the specification.
+    """UsdPreviewSurface 2.6; names and fallbacks as in the specification.
+
+    Every input but the mode is a constant, a `Texture` or a `PrimvarReader`. `occlusion` is left out: a path tracer
+    finds the occlusion itself.
 
     Attributes:
         diffuseColor: linear Rec.709 albedo.
@@ -61,47 +83,57 @@ class PreviewSurface:
         opacityMode: "transparent" (the diffuse part fades, reflections stay) or "presence" (all fades).
         opacityThreshold: above 0, a cut-out: below it nothing is drawn, from it on the surface is opaque.
         ior: index of refraction; sets F0 of dielectrics and of the clearcoat. Light goes straight through.
+        normal: in the tangent frame of the texture coordinates; of any length.
     """
 
-    diffuseColor: tuple[float, float, float] = (0.18, 0.18, 0.18)
-    emissiveColor: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    useSpecularWorkflow: int = 0
-    specularColor: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    metallic: float = 0.0
-    roughness: float = 0.5
-    clearcoat: float = 0.0
-    clearcoatRoughness: float = 0.01
-    opacity: float = 1.0
+    diffuseColor: Color = (0.18, 0.18, 0.18)
+    emissiveColor: Color = (0.0, 0.0, 0.0)
+    useSpecularWorkflow: int | Varying = 0
+    specularColor: Color = (0.0, 0.0, 0.0)
+    metallic: Number = 0.0
+    roughness: Number = 0.5
+    clearcoat: Number = 0.0
+    clearcoatRoughness: Number = 0.01
+    opacity: Number = 1.0
     opacityMode: str = "transparent"
-    opacityThreshold: float = 0.0
-    ior: float = 1.5
+    opacityThreshold: Number = 0.0
+    ior: Number = 1.5
+    normal: Color = (0.0, 0.0, 1.0)
 
     def pack(self) -> np.ndarray:
         """Values by input number: (n, 3)."""
-        presence = float(self.opacityMode == "presence")
-        roughness, coat_roughness = np.clip([self.roughness, self.clearcoatRoughness], 0.0, 1.0)
-        return np.array(
-            [
-                self.diffuseColor,
-                self.emissiveColor,
-                self.specularColor,
-                [self.useSpecularWorkflow, self.metallic, self.ior],
-                [roughness, self.clearcoat, coat_roughness],
-                [self.opacity, self.opacityThreshold, presence],
-            ],
-            np.float32,
-        )
+        rows = [constant(getattr(self, name)) for name in INPUTS[:-1]]
+        return np.array([*rows, [float(self.opacityMode == "presence"), 0, 0]], np.float32)
+
+    def varying(self) -> dict[int, tuple[str, Varying | tuple]]:
+        """Input number to name and source of what varies over the surface, a normal that is not the plain one too."""
+        numbered = {number: (name, getattr(self, name)) for number, name in enumerate(INPUTS)}
+        found = {number: named for number, named in numbered.items() if isinstance(named[1], Varying)}
+        if isinstance(self.normal, Varying) or tuple(self.normal) != (0.0, 0.0, 1.0):
+            found[NORMAL] = "normal", self.normal
+        return found
 
     def passes_light(self) -> bool:
         """Whether rays may go straight through."""
-        return self.opacity < max(self.opacityThreshold, 1.0 if self.opacityThreshold <= 0 else 0.0)
+        if isinstance(self.opacityThreshold, Varying):
+            return True
+        return least(self.opacity) < (self.opacityThreshold if self.opacityThreshold > 0 else 1.0)
+
+    def is_cut_out(self) -> bool:
+        """Whether it is either there or not, by a threshold."""
+        return isinstance(self.opacityThreshold, Varying) or self.opacityThreshold > 0
 
     def largest_emission(self) -> float:
-        """Upper bound on the luminance that is emitted."""
+        """Upper bound on the luminance that is emitted; 1 where it varies."""
+        if isinstance(self.emissiveColor, Varying):
+            return 1.0
         return float(np.dot(self.emissiveColor, LUMINANCE))
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""
+        names = ("diffuseColor", "specularColor", "useSpecularWorkflow", "metallic", "roughness", "ior")
+        if any(isinstance(getattr(self, name), Varying) for name in (*names, "clearcoat", "clearcoatRoughness")):
+            return 1.0
         tint, f0, f90 = np.array(self.diffuseColor), np.array(self.specularColor), 1.0
         diffuse, coat_f0 = tint, ((1 - self.ior) / (1 + self.ior)) ** 2
         if not self.useSpecularWorkflow:
@@ -120,45 +152,82 @@ def _gloss(roughness: float, f0: np.ndarray | float, f90: np.ndarray | float) ->
     return float((f0 * (white[:, 0] - white[:, 1]) + f90 * white[:, 1]).max())
 
 
+@cache
+def prepare_function(features: tuple[str, ...]) -> wp.Function:
+    """`prepare(scene, surface) -> Bsdf`: Fresnel ends, alphas and what is left of the diffuse part."""
+    material_values = values_function(features)
+    compensated = "energy compensation" in features
+
+    @wp.func
+    def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:
+        values = material_values(scene, surface)
+        bsdf = Bsdf()
+        opacity = wp.clamp(values[OPACITY, 0], 0.0, 1.0)
+        presence = values[OPACITY_MODE, 0] > 0.5
+        if values[OPACITY_THRESHOLD, 0] > 0.0:
+            opacity = wp.where(values[OPACITY, 0] >= values[OPACITY_THRESHOLD, 0], 1.0, 0.0)
+            presence = wp.bool(True)
+        bsdf.pass_through = 1.0 - opacity
+        bsdf.present = wp.where(presence, opacity, 1.0)
+        if presence and opacity <= 0.0:
+            return bsdf
+
+        bsdf.emission = row_of(values, EMISSIVE_COLOR)
+        r = (1.0 - values[IOR, 0]) / (1.0 + values[IOR, 0])
+        bsdf.coat_f0 = wp.min(r * r, 1.0)
+        bsdf.f90 = wp.vec3(1.0, 1.0, 1.0)
+        bsdf.diffuse = clamped(row_of(values, DIFFUSE_COLOR))
+        bsdf.f0 = clamped(row_of(values, SPECULAR_COLOR))
+        if values[USE_SPECULAR_WORKFLOW, 0] < 0.5:
+            metallic = wp.clamp(values[METALLIC, 0], 0.0, 1.0)
+            tint = wp.vec3(1.0, 1.0, 1.0) * (1.0 - metallic) + bsdf.diffuse * metallic
+            bsdf.f0 = tint * (bsdf.coat_f0 * (1.0 - metallic) + metallic)
+            bsdf.f90 = tint
+            bsdf.diffuse = bsdf.diffuse * (1.0 - metallic)
+        roughness = wp.clamp(values[ROUGHNESS, 0], 0.0, 1.0)
+        bsdf.alpha = roughness * roughness
+        bsdf.coat = wp.clamp(values[CLEARCOAT, 0], 0.0, 1.0)
+        coat_roughness = wp.clamp(values[CLEARCOAT_ROUGHNESS, 0], 0.0, 1.0)
+        bsdf.coat_alpha = coat_roughness * coat_roughness
+
+        if wp.static(compensated):
+            if scene.energy_compensation != 0:
+                bsdf.multiple = multiple_scattering(scene, bsdf)
+        bsdf.cover = 1.0
+        if presence:
+            bsdf.emission = bsdf.emission * opacity
+        else:
+            bsdf.cover = opacity
+            bsdf.diffuse = bsdf.diffuse * opacity
+        bsdf.pass_through = bsdf.pass_through * clear_share(scene, bsdf, surface, presence)
+        return bsdf
+
+    return prepare
+
+
 @wp.func
-def prepare(scene: DeviceScene, surface: Surface) -> Bsdf:
-    """Fresnel ends, alphas and what is left of the diffuse part."""
-    material = surface.material
-    diffuse = scene.materials[material].values[DIFFUSE_COLOR]
-    workflow = scene.materials[material].values[WORKFLOW_METALLIC_IOR]
-    roughness = scene.materials[material].values[ROUGHNESS_COAT]
-    opacity_inputs = scene.materials[material].values[OPACITY_THRESHOLD_PRESENCE]
+def row_of(values: MaterialValues, number: int) -> wp.vec3:
+    """A colour among the values."""
+    return wp.vec3(values[number, 0], values[number, 1], values[number, 2])
 
-    bsdf = Bsdf()
-    bsdf.emission = scene.materials[material].values[EMISSIVE_COLOR]
-    r = (1.0 - workflow[2]) / (1.0 + workflow[2])
-    bsdf.coat_f0 = r * r
-    bsdf.f0 = scene.materials[material].values[SPECULAR_COLOR]
-    bsdf.f90 = wp.vec3(1.0, 1.0, 1.0)
-    bsdf.diffuse = diffuse
-    if workflow[0] < 0.5:
-        metallic = wp.clamp(workflow[1], 0.0, 1.0)
-        tint = wp.vec3(1.0, 1.0, 1.0) * (1.0 - metallic) + diffuse * metallic
-        bsdf.f0 = tint * (bsdf.coat_f0 * (1.0 - metallic) + metallic)
-        bsdf.f90 = tint
-        bsdf.diffuse = diffuse * (1.0 - metallic)
-    bsdf.alpha = roughness[0] * roughness[0]
-    bsdf.coat = wp.clamp(roughness[1], 0.0, 1.0)
-    bsdf.coat_alpha = roughness[2] * roughness[2]
 
-    opacity = wp.clamp(opacity_inputs[0], 0.0, 1.0)
-    if opacity_inputs[1] > 0.0:
-        opacity = wp.where(opacity >= opacity_inputs[1], 1.0, 0.0)
-    bsdf.pass_through = 1.0 - opacity
-    bsdf.present = 1.0
-    presence = opacity_inputs[2] > 0.5 or opacity_inputs[1] > 0.0
-    if presence:
-        bsdf.present = opacity
-        bsdf.emission = bsdf.emission * opacity
-    else:
-        bsdf.diffuse = bsdf.diffuse * opacity
-    bsdf.pass_through = bsdf.pass_through * clear_share(scene, bsdf, surface, presence)
-    return bsdf
+@wp.func
+def clamped(color: wp.vec3) -> wp.vec3:
+    """A reflectance within what a surface can reflect."""
+    return wp.vec3(wp.clamp(color[0], 0.0, 1.0), wp.clamp(color[1], 0.0, 1.0), wp.clamp(color[2], 0.0, 1.0))
+
+
+@wp.func
+def multiple_scattering(scene: DeviceScene, bsdf: Bsdf) -> wp.vec3:
+    """Albedo of all later bounces between facets, as a share of what a first one of white facets loses."""
+    if bsdf.alpha < SMALLEST_ALPHA:
+        return wp.vec3(0.0, 0.0, 0.0)
+    average = white_albedo(scene.albedo, 1.0, bsdf.alpha)[3]
+    # Twice the mean of Schlick's (1 - cos)^5 weighted by the cosine is 1/21.
+    fresnel = bsdf.f0 + (bsdf.f90 - bsdf.f0) / 21.0
+    share = wp.cw_mul(fresnel, fresnel) * average
+    ones = wp.vec3(1.0, 1.0, 1.0)
+    return wp.cw_div(share, ones - fresnel * (1.0 - average))
 
 
 @wp.func
@@ -178,9 +247,9 @@ def clear_share(scene: DeviceScene, bsdf: Bsdf, surface: Surface, presence: bool
 
 
 @wp.func
-def specular_albedo(bsdf: Bsdf, white: wp.vec3) -> wp.vec3:
-    """Directional albedo of the specular lobe."""
-    return bsdf.f0 * (white[0] - white[1]) + bsdf.f90 * white[1]
+def specular_albedo(bsdf: Bsdf, white: wp.vec4) -> wp.vec3:
+    """Directional albedo of the specular lobe, later bounces between facets included."""
+    return bsdf.f0 * (white[0] - white[1]) + bsdf.f90 * white[1] + bsdf.multiple * (1.0 - white[0])
 
 
 @wp.func
@@ -193,12 +262,12 @@ def coat_albedo(scene: DeviceScene, bsdf: Bsdf, cosine: float) -> float:
 
 
 @wp.func
-def diffuse_scale(bsdf: Bsdf, white: wp.vec3) -> float:
-    """Factor at most 1 that keeps diffuse and specular albedo together at most 1."""
+def diffuse_scale(bsdf: Bsdf, white: wp.vec4) -> float:
+    """Factor at most 1 that keeps the albedos of all lobes, and what goes straight through, together at most 1."""
     ones = wp.vec3(1.0, 1.0, 1.0)
     passed = ones - bsdf.f0 * (1.0 - white[2]) - bsdf.f90 * white[2]
     diffuse = wp.cw_mul(bsdf.diffuse, wp.max(passed, wp.vec3(0.0, 0.0, 0.0)))
-    left = wp.max(ones - specular_albedo(bsdf, white), wp.vec3(0.0, 0.0, 0.0))
+    left = wp.max(ones - specular_albedo(bsdf, white), wp.vec3(0.0, 0.0, 0.0)) * bsdf.cover
     scale = wp.float32(1.0)
     for c in range(3):
         if diffuse[c] > left[c]:
@@ -208,13 +277,14 @@ def diffuse_scale(bsdf: Bsdf, white: wp.vec3) -> float:
 
 @wp.func
 def lobe_probabilities(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3) -> wp.vec4:
-    """Probability of sampling the diffuse, specular, clearcoat and straight-through lobe: by their albedos."""
+    """Probability of sampling the cosine-weighted, specular, clearcoat and straight-through lobe: by their albedos."""
     white = white_albedo(scene.albedo, wo[2], bsdf.alpha)
     coat = coat_albedo(scene, bsdf, wo[2])
     below_coat = bsdf.present * (1.0 - coat)
     coat = bsdf.present * coat
-    specular = max_component(specular_albedo(bsdf, white)) * below_coat
-    diffuse = max_component(bsdf.diffuse) * diffuse_scale(bsdf, white) * below_coat
+    multiple = bsdf.multiple * (1.0 - white[0])
+    specular = max_component(specular_albedo(bsdf, white) - multiple) * below_coat
+    diffuse = (max_component(bsdf.diffuse) * diffuse_scale(bsdf, white) + max_component(multiple)) * below_coat
     total = diffuse + specular + coat + bsdf.pass_through
     if total <= 0.0:
         return wp.vec4(0.0, 0.0, 0.0, 0.0)
@@ -222,16 +292,20 @@ def lobe_probabilities(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3) -> wp.vec4:
 
 
 @wp.func
-def diffuse_lobe(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3, half_cos: float) -> wp.vec3:
-    """F cos θ of the diffuse part."""
+def diffuse_lobe(bsdf: Bsdf, wi: wp.vec3, half_cos: float, white_o: wp.vec4, white_i: wp.vec4) -> wp.vec3:
+    """F cos θ of the diffuse part, for the white albedos of both directions."""
     if max_component(bsdf.diffuse) <= 0.0:
         return wp.vec3(0.0, 0.0, 0.0)
-    scale = wp.min(
-        diffuse_scale(bsdf, white_albedo(scene.albedo, wo[2], bsdf.alpha)),
-        diffuse_scale(bsdf, white_albedo(scene.albedo, wi[2], bsdf.alpha)),
-    )
+    scale = wp.min(diffuse_scale(bsdf, white_o), diffuse_scale(bsdf, white_i))
     passed = wp.vec3(1.0, 1.0, 1.0) - schlick(bsdf.f0, bsdf.f90, half_cos)
     return wp.cw_mul(bsdf.diffuse, wp.max(passed, wp.vec3(0.0, 0.0, 0.0))) * (scale * INV_PI * wi[2])
+
+
+@wp.func
+def multiple_lobe(bsdf: Bsdf, wi: wp.vec3, white_o: wp.vec4, white_i: wp.vec4) -> wp.vec3:
+    """F cos θ of what bounces more than once between facets (Kulla and Conty 2017)."""
+    lost = wp.max(1.0 - white_o[0], 0.0) * wp.max(1.0 - white_i[0], 0.0)
+    return bsdf.multiple * (lost * INV_PI * wi[2] / wp.max(1.0 - white_o[3], 1.0e-6))
 
 
 @wp.func
@@ -249,11 +323,14 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
     half_cos = wp.clamp(wp.dot(wo, h), 0.0, 1.0)
     probability = lobe_probabilities(scene, bsdf, wo)
     below_coat = bsdf.present * (1.0 - wp.max(coat_albedo(scene, bsdf, wo[2]), coat_albedo(scene, bsdf, wi[2])))
-    value.diffuse = diffuse_lobe(scene, bsdf, wo, wi, half_cos) * below_coat
+    white_o = white_albedo(scene.albedo, wo[2], bsdf.alpha)
+    white_i = white_albedo(scene.albedo, wi[2], bsdf.alpha)
+    value.diffuse = diffuse_lobe(bsdf, wi, half_cos, white_o, white_i) * below_coat
     value.pdf = probability[0] * cosine_hemisphere_pdf(wi[2])
     if bsdf.alpha >= SMALLEST_ALPHA:
         fresnel = schlick(bsdf.f0, bsdf.f90, half_cos)
         value.specular += fresnel * (below_coat * ggx_reflection(wo, wi, h, bsdf.alpha))
+        value.specular += multiple_lobe(bsdf, wi, white_o, white_i) * below_coat
         value.pdf += probability[1] * ggx_visible_pdf(wo, h, bsdf.alpha)
     if bsdf.coat > 0.0 and bsdf.coat_alpha >= SMALLEST_ALPHA:
         white = bsdf.present * coat_fresnel(bsdf, half_cos) * ggx_reflection(wo, wi, h, bsdf.coat_alpha)

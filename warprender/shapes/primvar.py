@@ -79,19 +79,36 @@ def value_at(primvar: PrimvarRecord, index: int) -> wp.vec4:
 
 
 @wp.func
+def corner_values(primvar: PrimvarRecord, triangle: int, vertices: wp.vec3i) -> wp.vec3i:
+    """Numbers of the values at the corners of a triangle with these point indices, for interpolations 2 and 3."""
+    if primvar.interpolation == 3:
+        return wp.vec3i(
+            primvar.indices[3 * triangle],
+            primvar.indices[3 * triangle + 1],
+            primvar.indices[3 * triangle + 2],
+        )
+    return vertices
+
+
+@wp.func
+def triangle_vertices(scene: DeviceScene, surface: Surface) -> wp.vec3i:
+    """Point indices of the triangle that a surface lies on."""
+    triangle = surface.hit.face
+    return wp.vec3i(
+        scene.geometries[surface.geometry].indices[3 * triangle],
+        scene.geometries[surface.geometry].indices[3 * triangle + 1],
+        scene.geometries[surface.geometry].indices[3 * triangle + 2],
+    )
+
+
+@wp.func
 def interpolate(primvar: PrimvarRecord, face: int, triangle: int, vertices: wp.vec3i, u: float, v: float) -> wp.vec4:
     """Value at the barycentrics (1 - u - v, u, v) of a triangle with these point indices, cut from `face`."""
     if primvar.interpolation == 0:
         return value_at(primvar, 0)
     if primvar.interpolation == 1:
         return value_at(primvar, face)
-    corner = vertices
-    if primvar.interpolation == 3:
-        corner = wp.vec3i(
-            primvar.indices[3 * triangle],
-            primvar.indices[3 * triangle + 1],
-            primvar.indices[3 * triangle + 2],
-        )
+    corner = corner_values(primvar, triangle, vertices)
     a = value_at(primvar, corner[0])
     return a + (value_at(primvar, corner[1]) - a) * u + (value_at(primvar, corner[2]) - a) * v
 
@@ -109,10 +126,6 @@ def primvar_at(scene: DeviceScene, surface: Surface, slot: int, fallback: wp.vec
         count = scene.primvars[index].values.shape[0] / scene.primvars[index].width
         return value_at(scene.primvars[index], scene.instances[surface.hit.instance].instance_id % count)
     triangle = surface.hit.face
-    vertices = wp.vec3i(
-        scene.geometries[surface.geometry].indices[3 * triangle],
-        scene.geometries[surface.geometry].indices[3 * triangle + 1],
-        scene.geometries[surface.geometry].indices[3 * triangle + 2],
-    )
+    vertices = triangle_vertices(scene, surface)
     face = scene.geometries[surface.geometry].faces[triangle]
     return interpolate(scene.primvars[index], face, triangle, vertices, surface.hit.u, surface.hit.v)

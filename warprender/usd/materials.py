@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import fields
 
 import numpy as np
-from pxr import Tf, Usd, UsdShade
+from pxr import Tf, UsdShade
 
 from ..materials import PreviewSurface
+from ..materials.inputs import Varying
 from .reading import Reading, one_line
-
-#: Inputs of UsdPreviewSurface that change the picture and have no constant form worth keeping.
-NEEDS_TEXTURES = ("normal", "displacement")
+from .textures import is_output, producer, read_node
 
 
 def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurface | None:
@@ -38,51 +37,35 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
 
 
 def _inputs(reading: Reading, shader: UsdShade.Shader) -> dict[str, object]:
-    """Constant values of the shader's inputs, by field of `PreviewSurface`."""
+    """Constants, textures and primvars of the shader's inputs, by field of `PreviewSurface`."""
     values = {}
     for field in fields(PreviewSurface):
-        value = _input_value(reading, shader, field.name)
+        source = producer(reading, shader, field.name)
+        if source is None:
+            continue
+        value = read_node(reading, source) if is_output(source) else reading.get(source)
         if value is None:
+            continue
+        if isinstance(value, Varying):
+            if field.name == "opacityMode":
+                reading.remark(shader.GetPrim(), "opacityMode cannot vary; transparent is taken")
+                continue
+            values[field.name] = value
             continue
         try:
             values[field.name] = _converted(value, field.default)
         except (TypeError, ValueError):
             reading.remark(shader.GetPrim(), f"{field.name} is {value!r}; {field.default!r} is taken")
-    for name in NEEDS_TEXTURES:
-        if _is_connected(shader.GetInput(name)):
-            reading.remark(shader.GetPrim(), f"{name} is not drawn yet")
+    if "normal" in values:
+        reading.primvars.setdefault("st", None)
+    _remark_displacement(reading, shader)
     return values
 
 
-def _input_value(reading: Reading, shader: UsdShade.Shader, name: str) -> object:
-    """Value of an input through material interfaces and node graphs; None for the fallback."""
-    source = shader.GetInput(name)
-    producers = source.GetValueProducingAttributes() if source else []
-    if not producers:
-        return None
-    if UsdShade.Utils.GetType(producers[0].GetName()) != UsdShade.AttributeType.Output:
-        return reading.get(producers[0])
-    node = UsdShade.Shader(producers[0].GetPrim())
-    identifier = node.GetShaderId() or "a shader without an id"
-    reading.remark(shader.GetPrim(), f"{name} comes from {identifier}, which is not read yet")
-    return _node_fallback(reading, node, producers[0])
-
-
-def _node_fallback(reading: Reading, node: UsdShade.Shader, output: Usd.Attribute) -> object:
-    """What a texture or primvar reader would answer without its texture or primvar, if that is authored."""
-    fallback = node.GetInput("fallback")
-    value = reading.get(fallback.GetAttr()) if fallback and fallback.GetAttr().HasAuthoredValue() else None
-    if value is None:
-        return None
-    channel = UsdShade.Output(output).GetBaseName()
-    if channel == "rgb":
-        return tuple(value)[:3]
-    return value["rgba".index(channel)] if channel in ("r", "g", "b", "a") else value
-
-
-def _is_connected(source: UsdShade.Input | None) -> bool:
-    producers = source.GetValueProducingAttributes() if source else []
-    return any(UsdShade.Utils.GetType(p.GetName()) == UsdShade.AttributeType.Output for p in producers)
+def _remark_displacement(reading: Reading, shader: UsdShade.Shader) -> None:
+    source = producer(reading, shader, "displacement")
+    if source is not None and (is_output(source) or reading.get(source)):
+        reading.remark(shader.GetPrim(), "displacement is not drawn yet")
 
 
 def _converted(value: object, default: object) -> object:

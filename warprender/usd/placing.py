@@ -102,7 +102,7 @@ def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Call
     owner = tuple((name, primvar.values.tobytes()) for name, primvar in given.items())
     skin = reading.skins.get(str(prim.GetPath()))
     pose = skin.identity() if skin else ()
-    key = (shared_prim(prim).GetPath(), inherited_from(prim), subsets, owner, pose)
+    key = (shared_prim(prim).GetPath(), inherited_from(reading, prim), subsets, owner, pose)
     if key not in reading.shapes:
         shape = read(reading, prim)
         if shape is not None and given:

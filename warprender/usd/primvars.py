@@ -10,9 +10,6 @@ from pxr import Usd, UsdGeom
 from ..shapes import Primvar
 from .reading import Reading, shared_prim
 
-#: Primvars that are read from every shape, with their numbers of components.
-COMPONENTS = {"displayColor": 3, "displayOpacity": 1}
-
 #: Elements of a shape without faces: every interpolation counts one.
 SINGLE = {name: 1 for name in ("constant", "uniform", "vertex", "varying", "faceVarying")}
 
@@ -27,7 +24,7 @@ def read_primvars(reading: Reading, prim: Usd.Prim, sizes: Mapping[str, int]) ->
     """
     found = {}
     api = UsdGeom.PrimvarsAPI(prim)
-    for name, components in COMPONENTS.items():
+    for name, components in reading.primvars.items():
         source = api.FindPrimvarWithInheritance(name)
         if source and str(source.GetInterpolation()) in sizes:
             primvar = read_primvar(reading, prim, source, sizes, components)
@@ -37,7 +34,7 @@ def read_primvars(reading: Reading, prim: Usd.Prim, sizes: Mapping[str, int]) ->
 
 
 def read_primvar(
-    reading: Reading, prim: Usd.Prim, source: UsdGeom.Primvar, sizes: Mapping[str, int], components: int
+    reading: Reading, prim: Usd.Prim, source: UsdGeom.Primvar, sizes: Mapping[str, int], components: int | None
 ) -> Primvar | None:
     """One primvar, or None, with a remark, where its values do not fit the shape."""
     value = source.Get(reading.time)
@@ -75,10 +72,18 @@ def checked(
     interpolation: str,
     indices: np.ndarray | None,
     sizes: Mapping[str, int],
-    components: int,
+    components: int | None,
 ) -> Primvar | None:
-    """A `Primvar` if the values fit; too many are cut off, too few or bad ones ignored, with a remark."""
+    """A `Primvar` if the values fit; too many are cut off, too few or bad ones ignored, with a remark.
+
+    `components` None takes what the primvar has, up to four.
+    """
     values = np.asarray(value)
+    if components is None:
+        components = values.shape[1] if values.ndim == 2 else 1
+        if values.ndim > 2 or not 1 <= components <= 4:
+            reading.remark(prim, f"{name} is ignored: a {type(value).__name__} is not one to four numbers")
+            return None
     if values.dtype.kind not in "fiu" or values.size % components:
         reading.remark(prim, f"{name} is ignored: its values have not {components} components")
         return None
@@ -102,13 +107,13 @@ def checked(
     return Primvar(values, "constant" if sizes is SINGLE else interpolation, indices)
 
 
-def inherited_from(prim: Usd.Prim) -> tuple[str, ...]:
+def inherited_from(reading: Reading, prim: Usd.Prim) -> tuple[str, ...]:
     """Paths of the attributes that an instance inherits primvars from: what may differ between two instances."""
     if not prim.IsInstanceProxy():
         return ()
     api = UsdGeom.PrimvarsAPI(prim)
     paths = []
-    for name in COMPONENTS:
+    for name in reading.primvars:
         primvar = api.FindPrimvarWithInheritance(name)
         owner = primvar.GetAttr().GetPrim() if primvar else None
         if owner and owner != prim:

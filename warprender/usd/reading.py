@@ -38,6 +38,7 @@ class Reading:
         scene: the scene being filled.
         draw_modes: whether models may be drawn as boxes, axes or cards.
         shapes: shapes read so far by what determines them, so that instances share one.
+        primvars: primvars that are read from every shape, with their numbers of components, None for any.
         sources: prim and skin that a shape was read from, by its key in `shapes`; shapes that do not depend on
             one have none.
         surfaces: the last subdivision surface of a mesh, by its path.
@@ -57,6 +58,7 @@ class Reading:
     scene: Scene = field(default_factory=Scene)
     draw_modes: bool = True
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
+    primvars: dict[str, int | None] = field(default_factory=lambda: {"displayColor": 3, "displayOpacity": 1})
     sound_instancers: bool = True
     sources: dict[tuple, tuple[Usd.Prim, Skin | None]] = field(default_factory=dict)
     surfaces: dict[str, Subdivision] = field(default_factory=dict)

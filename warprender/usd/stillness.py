@@ -6,7 +6,6 @@ from pxr import Usd, UsdGeom
 
 from ..shapes import Mesh, Sphere
 from .binding import material_subsets
-from .primvars import COMPONENTS
 from .reading import Reading
 from .skeletons import Skin
 
@@ -19,11 +18,11 @@ def still_shapes(reading: Reading) -> dict[tuple, Mesh | Sphere | None]:
     return {
         key: shape
         for key, shape in reading.shapes.items()
-        if key not in reading.sources or is_still(*reading.sources[key])
+        if key not in reading.sources or is_still(reading, *reading.sources[key])
     }
 
 
-def is_still(prim: Usd.Prim, skin: Skin | None) -> bool:
+def is_still(reading: Reading, prim: Usd.Prim, skin: Skin | None) -> bool:
     """Whether nothing that the prim's shape depends on has time samples: its own, its subsets', inherited primvars."""
     if skin and skin.skeleton.GetAnimQuery():
         return False
@@ -31,7 +30,7 @@ def is_still(prim: Usd.Prim, skin: Skin | None) -> bool:
     if any(_varies(attribute) for p in prims for attribute in p.GetAuthoredAttributes()):
         return False
     api = UsdGeom.PrimvarsAPI(prim)
-    inherited = (api.FindPrimvarWithInheritance(name) for name in COMPONENTS)
+    inherited = (api.FindPrimvarWithInheritance(name) for name in reading.primvars)
     return not any(primvar.ValueMightBeTimeVarying() for primvar in inherited if primvar)
 
 

@@ -86,7 +86,7 @@ def scene_functions(prefix: str = ""):
 _BATCH = (
     _TRAVERSAL
     + """
-    Batch batch = { (const Wide::Node*)(nodes), (const Wide::Block*)(blocks), scale, origins.data,
+    Batch batch = { (const Wide::Node*)(nodes), (const Wide::Block*)(blocks), cached, scale, origins.data,
         directions.data, t_max, t_after, face_after, nullptr, nullptr, nullptr, nullptr, nullptr };
 """
 )
@@ -105,6 +105,7 @@ _BATCH = (
 def closest_batch(
     nodes: wp.uint64,
     blocks: wp.uint64,
+    cached: wp.bool,
     scale: wp.float32,
     origins: wp.array(dtype=wp.vec3),
     directions: wp.array(dtype=wp.vec3),
@@ -126,6 +127,7 @@ def closest_batch(
 def occluded_batch(
     nodes: wp.uint64,
     blocks: wp.uint64,
+    cached: wp.bool,
     scale: wp.float32,
     origins: wp.array(dtype=wp.vec3),
     directions: wp.array(dtype=wp.vec3),

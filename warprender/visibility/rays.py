@@ -236,7 +236,7 @@ class RayCaster:
             _fill_misses(outputs)
         else:
             items = -(-count // native.RAYS_PER_ITEM)
-            inputs = [count, record.nodes, record.blocks, self._tree.scale, *rays]
+            inputs = [count, record.nodes, record.blocks, self._tree.cached, self._tree.scale, *rays]
             launch(kernels.wide, items, [*inputs, *outputs], self.device, self.threads, smallest_chunk=4)
 
 
@@ -308,6 +308,7 @@ def _closest_wide(
     count: wp.int32,
     nodes: wp.uint64,
     blocks: wp.uint64,
+    cached: wp.bool,
     scale: wp.float32,
     origins: wp.array(dtype=wp.vec3),
     directions: wp.array(dtype=wp.vec3),
@@ -322,7 +323,21 @@ def _closest_wide(
     begin = (first + wp.tid()) * wp.static(native.RAYS_PER_ITEM)
     end = wp.min(begin + wp.static(native.RAYS_PER_ITEM), count)
     native.closest_batch(
-        nodes, blocks, scale, origins, directions, t_max, t_after, face_after, begin, end, t, face, u, v
+        nodes,
+        blocks,
+        cached,
+        scale,
+        origins,
+        directions,
+        t_max,
+        t_after,
+        face_after,
+        begin,
+        end,
+        t,
+        face,
+        u,
+        v,
     )
 
 
@@ -332,6 +347,7 @@ def _occluded_wide(
     count: wp.int32,
     nodes: wp.uint64,
     blocks: wp.uint64,
+    cached: wp.bool,
     scale: wp.float32,
     origins: wp.array(dtype=wp.vec3),
     directions: wp.array(dtype=wp.vec3),
@@ -342,7 +358,9 @@ def _occluded_wide(
 ):
     begin = (first + wp.tid()) * wp.static(native.RAYS_PER_ITEM)
     end = wp.min(begin + wp.static(native.RAYS_PER_ITEM), count)
-    native.occluded_batch(nodes, blocks, scale, origins, directions, t_max, t_after, face_after, begin, end, occluded)
+    native.occluded_batch(
+        nodes, blocks, cached, scale, origins, directions, t_max, t_after, face_after, begin, end, occluded
+    )
 
 
 @wp.func

@@ -588,6 +588,7 @@ struct Wide {
 struct Batch {
     const Wide::Node* nodes;
     const Wide::Block* blocks;
+    bool cached;  // the tree stays in a core's own cache
     float scale;  // of the tree against the caller's coordinates, a power of two
     const wp::vec3 *origin, *direction;
     wp::array_t<float> t_max, t_after;  // one for all rays, or one a ray
@@ -622,7 +623,8 @@ struct Batch {
     }
 };
 
-// Incoherent rays: several walks take turns, so that one computes while the others' nodes come from memory.
+// Incoherent rays: several walks take turns, so that one computes while the others' nodes come from memory. Where
+// nothing has to come from far, one after the other is faster.
 struct Stream {
     enum { width = 8 };
     struct Walk {
@@ -664,7 +666,24 @@ struct Stream {
         }
         return false;
     }
-    static __attribute__((noinline)) void run(const Batch& batch, int first, int end)
+    WR_FN void run(const Batch& batch, int first, int end)
+    {
+        if (batch.cached)
+            in_order(batch, first, end);
+        else
+            in_turns(batch, first, end);
+    }
+    WR_FN void in_order(const Batch& batch, int first, int end)
+    {
+        for (; first < end; ++first) {
+            Lane ray;
+            Answer best;
+            if (batch.open(first, ray, best))
+                Wide::trace(batch.nodes, batch.blocks, 0, ray, batch.any(), best);
+            batch.close(first, ray, best);
+        }
+    }
+    static __attribute__((noinline)) void in_turns(const Batch& batch, int first, int end)
     {
         Walk walks[width];
         Walk* live[width];

@@ -9,6 +9,7 @@ from . import native
 
 BLOCKS_PER_ITEM = 512  # blocks of triangles that one item of the refit fills
 CACHE_LINE = 64
+OWN_CACHE = 512 * 1024  # bytes: half of a common second-level cache
 REBUILD_AT = 2.0  # refit trees lose quality: rebuild when a ray is expected to visit this many times more
 
 CLEAN_RANGE = 1e-9, 1e9  # coordinates outside are rescaled: products of lengths would leave float32's range
@@ -30,7 +31,8 @@ class _WideTree:
         plans = _Memory(2 * leaves * native.PLAN_BYTES)
         counts = wp.zeros(3, dtype=wp.int32, device="cpu")
         self.nodes = _Memory(inner * native.NODE_BYTES)
-        self.leaves = _Memory(leaves * (native.BLOCK_BYTES if kind == 0 else 4))
+        leaf_bytes = native.BLOCK_BYTES if kind == 0 else 4
+        self.leaves = _Memory(leaves * leaf_bytes)
         blocks, items = (self.leaves.address, 0) if kind == 0 else (0, self.leaves.address)
         self.slots = wp.empty(leaves if kind == 0 else 0, dtype=wp.int32, device="cpu")
         arguments = [kind, tree_id, plans.address, self.nodes.address, blocks, items, self.slots, counts]
@@ -38,6 +40,7 @@ class _WideTree:
         self.count, self.blocks, depth = (int(n) for n in counts.numpy())
         if not 0 < depth <= native.MAX_DEPTH:
             raise RuntimeError("Warp built a tree that the watertight walk cannot read")
+        self.bytes = self.count * native.NODE_BYTES + self.blocks * leaf_bytes
         self.summary = wp.zeros(7, dtype=wp.float32, device="cpu")
 
     def box_inner(self):
@@ -139,6 +142,11 @@ class MeshTree:
         wide.box_inner()
         self.dropped = int(dropped.numpy().sum())
         self.box = wide.box
+
+    @property
+    def cached(self):
+        """Whether the wide tree is small enough to stay in a core's own cache."""
+        return self._wide.bytes <= OWN_CACHE
 
     def geometry(self):
         """The device record; this object must outlive it."""
