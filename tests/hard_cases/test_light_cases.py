@@ -63,7 +63,7 @@ def test_l6_exposure_of_30_stops(kind):
     light = kind(intensity=1e9, exposure=30.0, transform=pose((0, 0, 2.0)))
     scene = floor(light)
     mean, error = illuminance(scene, samples=64)
-    assert np.isfinite(mean).all() and np.isfinite(error).all() and (mean > 1e15).all()
+    assert np.isfinite(mean).all() and np.isfinite(error).all() and (mean > 1e13).all()
 
 
 def test_l7_one_texel_of_a_large_map():
