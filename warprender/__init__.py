@@ -17,13 +17,26 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .camera import Camera
     from .frame import Frame
-    from .lights import CameraLight, DiskLight, DistantLight, DomeLight, RectLight, SphereLight
+    from .lights import (
+        CameraLight,
+        CylinderLight,
+        DiskLight,
+        DistantLight,
+        DomeLight,
+        LightTexture,
+        MeshLight,
+        RectLight,
+        Shadow,
+        Shaping,
+        SphereLight,
+    )
     from .materials import DisplayColor, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
     from .textures import PrimvarReader, Texture
     from .usd import StageReader, load
+    from .visibility.raster import Raster, rasterize
     from .visibility.rays import RayCaster
 
 __version__ = "0.1.0"
@@ -32,46 +45,60 @@ __version__ = "0.1.0"
 _HOMES = {
     "Camera": "camera",
     "CameraLight": "lights",
+    "CylinderLight": "lights",
     "DiskLight": "lights",
     "DisplayColor": "materials",
     "DistantLight": "lights",
     "DomeLight": "lights",
     "Frame": "frame",
+    "LightTexture": "lights",
+    "MeshLight": "lights",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
+    "Raster": "visibility.raster",
     "RayCaster": "visibility.rays",
     "RectLight": "lights",
     "RenderPlan": "plan",
     "Renderer": "renderer",
     "Scene": "scene",
     "SceneError": "scene",
+    "Shadow": "lights",
+    "Shaping": "lights",
     "SphereLight": "lights",
     "StageReader": "usd",
     "Texture": "textures",
     "load": "usd",
+    "rasterize": "visibility.raster",
     "render": "renderer",
 }
 
 __all__ = [
     "Camera",
     "CameraLight",
+    "CylinderLight",
     "DiskLight",
     "DisplayColor",
     "DistantLight",
     "DomeLight",
     "Frame",
+    "LightTexture",
+    "MeshLight",
     "PreviewSurface",
     "PrimvarReader",
+    "Raster",
     "RayCaster",
     "RectLight",
     "RenderPlan",
     "Renderer",
     "Scene",
     "SceneError",
+    "Shadow",
+    "Shaping",
     "SphereLight",
     "StageReader",
     "Texture",
     "load",
+    "rasterize",
     "render",
 ]
 
