@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .scene import Scene, SceneError
     from .textures import PrimvarReader, Texture
     from .usd import StageReader, load
+    from .visibility.raster import Raster, rasterize
     from .visibility.rays import RayCaster
 
 __version__ = "0.1.0"
@@ -54,6 +55,7 @@ _HOMES = {
     "MeshLight": "lights",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
+    "Raster": "visibility.raster",
     "RayCaster": "visibility.rays",
     "RectLight": "lights",
     "RenderPlan": "plan",
@@ -66,6 +68,7 @@ _HOMES = {
     "StageReader": "usd",
     "Texture": "textures",
     "load": "usd",
+    "rasterize": "visibility.raster",
     "render": "renderer",
 }
 
@@ -82,6 +85,7 @@ __all__ = [
     "MeshLight",
     "PreviewSurface",
     "PrimvarReader",
+    "Raster",
     "RayCaster",
     "RectLight",
     "RenderPlan",
@@ -94,6 +98,7 @@ __all__ = [
     "StageReader",
     "Texture",
     "load",
+    "rasterize",
     "render",
 ]
 

@@ -19,11 +19,15 @@ from .materials import MATERIALS, DisplayColor
 from .materials.inputs import FEATURES, NORMAL
 from .outputs import OUTPUTS
 from .scene import Placement, Scene, SceneError, materials_of
-from .shapes import SHAPES, Primvar
+from .shapes import SHAPES, Mesh, Primvar, Sphere
 from .textures import Texture
 
 TRANSPORTS = ("none", "path")
-VISIBILITIES = ("rays",)
+VISIBILITIES = ("rays", "raster", "painter")
+
+#: Nanoseconds of one CPU thread, measured at 1280×720 with 100,000 triangles: a camera ray; a rasterized pixel and
+#: triangle. Of a million triangles each cost 30.
+RAY_COST, PIXEL_COST, TRIANGLE_COST = 200.0, 20.0, 100.0
 
 #: What lights may need compiled beyond their kinds, and what would call for it.
 LIGHT_EFFECTS = {
@@ -84,7 +88,7 @@ class RenderPlan:
 
     Attributes:
         transport: "none" or "path".
-        visibility: "rays".
+        visibility: "rays", "raster" or "painter": how the AOVs' first hits are found. Paths are made of rays.
         path: key of the path-tracing kernel, None when no colour is asked for.
         outputs: key of the AOV kernel, None when no AOV is asked for.
         reasons: effect to the prim or flag that called for it.
@@ -115,7 +119,9 @@ class RenderPlan:
         return asdict(self)
 
 
-def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool = False) -> RenderPlan:
+def analyse(
+    scene: Scene, camera: Camera, request: Request, camera_light: bool = False, pixels: int = 960 * 540
+) -> RenderPlan:
     """Scan the scene once for what the request needs of it.
 
     Args:
@@ -123,6 +129,7 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
         camera: from where.
         request: what is asked for.
         camera_light: whether a light at the camera is added.
+        pixels: of the picture, for the choice of visibility.
 
     Raises:
         SceneError: an output, transport or visibility that does not exist.
@@ -131,7 +138,8 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
     transport = request.transport
     if transport == "auto":
         transport = "path" if "color" in request.outputs else "none"
-    plan = RenderPlan(transport, "rays", None, None)
+    visibility, why = _visibility(scene, camera, request, pixels)
+    plan = RenderPlan(transport, visibility, None, None, {f"visibility {visibility}": why})
     shapes = _effects(plan, "shape", {s.__name__ for s in SHAPES}, _shape_callers(scene), "a prim of this kind")
     materials = _effects(
         plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
@@ -159,6 +167,30 @@ def analyse(scene: Scene, camera: Camera, request: Request, camera_light: bool =
         plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features)
         _bound_bounces(plan, scene, request)
     return plan
+
+
+def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> tuple[str, str]:
+    """How the AOVs' first hits are found, and why.
+
+    Raises:
+        SceneError: what is asked for cannot show this scene.
+    """
+    only_rays = "the camera has clippingPlanes" if "clippingPlanes" in camera.effects() else ""
+    sphere = next((path for path, p in scene.placements.items() if isinstance(p.shape, Sphere)), "")
+    if request.visibility == "painter" and sphere:
+        raise SceneError(f"visibility 'painter' draws triangles alone, and {sphere} is a sphere")
+    if request.visibility in ("raster", "painter") and only_rays:
+        raise SceneError(f"visibility {request.visibility!r}: {only_rays}, which only rays can follow")
+    if request.visibility != "auto":
+        return request.visibility, "asked for"
+    if only_rays or not set(request.outputs) - {"color"}:
+        return "rays", only_rays or "color is made of rays"
+    faces = sum(
+        len(p.shape.triangles) * len(p.transforms) for p in scene.placements.values() if isinstance(p.shape, Mesh)
+    )
+    rays, raster = pixels * RAY_COST, pixels * PIXEL_COST + faces * TRIANGLE_COST
+    milliseconds = f"about {1e-6 * raster:.3g} ms of one thread by raster, {1e-6 * rays:.3g} ms by rays"
+    return "raster" if raster < rays else "rays", f"{faces} triangles, {pixels} pixels: {milliseconds}"
 
 
 def everything() -> PathKey:

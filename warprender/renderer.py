@@ -22,6 +22,7 @@ from .receipt import make_receipt
 from .scene import Scene, SceneError
 from .texels import TEXTURE_BYTES
 from .upload import Upload, camera_light_at
+from .visibility.first_hits import FirstHits, RasterHits, RayHits
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
 DEFAULT_SAMPLES = 64
@@ -45,7 +46,8 @@ class Renderer:
             camera, else one named main_cam, else one that frames everything.
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
         outputs: a name, or several: "color" and the AOVs of `warprender.outputs.OUTPUTS`.
-        visibility: "auto" or "rays".
+        visibility: how outputs other than color see: "rays", "raster" (exact edges and a depth buffer), "painter"
+            (triangles back to front, as it was done before depth buffers), or "auto": what should take less time.
         transport: "path" (path tracing), "none" (no color, AOVs alone), or "auto": "none" without color.
         device: Warp device, as "cpu" or "cuda:0".
         threads: CPU threads, None for all cores. The picture does not depend on it.
@@ -103,7 +105,9 @@ class Renderer:
             outputs, visibility, transport, bounces, dome_light_visible, lights_visible, energy_compensation
         )
         with_camera_light = use_camera_light(scene, camera_light)
-        self.plan: RenderPlan = analyse(scene, self.camera, self.request, with_camera_light)
+        self.plan: RenderPlan = analyse(
+            scene, self.camera, self.request, with_camera_light, self.resolution[0] * self.resolution[1]
+        )
 
         lights = lit(scene, with_camera_light)
         if with_camera_light:
@@ -125,6 +129,7 @@ class Renderer:
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
         self._sobol = sampler == "sobol"
+        self._first_hits = None if self.plan.outputs is None else self._see()
         self._film = Film(*self.resolution, device, filter)
         self._seconds = {"prepare": time.perf_counter() - start}
 
@@ -170,6 +175,13 @@ class Renderer:
         """(H, W, 3) float64 standard error of the last frame's colour; inf where a pixel has under two samples."""
         return self._film.standard_error() * self.camera.exposureScale
 
+    def _see(self) -> FirstHits:
+        scene, camera, effects = self._upload.record, self._camera_record, self.plan.outputs.camera
+        if self.plan.visibility == "rays":
+            return RayHits(scene, camera, effects, self.device)
+        bounds, painter = self._upload.bounds - self._upload.origin, self.plan.visibility == "painter"
+        return RasterHits(scene, self._upload.geometries, bounds, camera, effects, self.device, painter)
+
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
             return {}
@@ -179,7 +191,9 @@ class Renderer:
             output = OUTPUTS[name]
             values[name] = wp.full((height, width), output.dtype(output.clear), output.dtype, device=self.device)
             setattr(buffers, name, values[name])
-        launch_outputs(self.plan.outputs, self._upload.record, self._camera_record, buffers, self.device, self.threads)
+        hits = self._first_hits.find(self.threads)
+        scene, camera = self._upload.record, self._camera_record
+        launch_outputs(self.plan.outputs, scene, camera, hits, buffers, self.device, self.threads)
         return values
 
     def _sample(

@@ -27,6 +27,7 @@ class Upload:
 
     Attributes:
         record: what kernels read.
+        geometries: the host's copies of `record.geometries`.
         origin: (3,) float64 world position that positions on the device are relative to; a float32 value.
         bounds: (2, 3) float64 world box of everything placed; zero size at the origin when nothing is.
         texture_bytes: bytes that the pictures take.
@@ -54,7 +55,7 @@ class Upload:
         self._tables = MaterialTables(scene.materials, used, texture_bytes)
         self.texture_bytes = self._tables.pool.words.nbytes
         self.warnings += self._tables.warnings
-        self._geometries: list[GeometryRecord] = []
+        self.geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
         self._trees: list[MeshTree | SphereShape] = []
@@ -81,7 +82,7 @@ class Upload:
         table = np.concatenate(rows) if rows else np.zeros(0, InstanceRecord.numpy_dtype())
         box = np.concatenate(boxes) if boxes else np.zeros((0, 2, 3))
         self.bounds = np.stack([box[:, 0].min(0), box[:, 1].max(0)]) if len(box) else np.tile(self.origin, (2, 1))
-        self.record.geometries = self._array(self._geometries, GeometryRecord)
+        self.record.geometries = self._array(self.geometries, GeometryRecord)
         self.record.primvars = self._array(self._primvars, PrimvarRecord)
         slots = len(self._tables.slots)
         self.record.primvar_count = slots
@@ -141,10 +142,10 @@ class Upload:
             )
             known[key] = -1
             if record is not None:
-                known[key] = len(self._geometries)
+                known[key] = len(self.geometries)
                 self._shapes[known[key]] = shape
                 record.kind = SHAPES.index(type(shape))
-                self._geometries.append(record)
+                self.geometries.append(record)
                 keep = _drawable_triangles(shape) if isinstance(shape, Mesh) else np.zeros(0, bool)
                 self._primvars += [self._primvar(shape, keep, slot) for slot in self._tables.slots]
         return known[key]
@@ -183,7 +184,7 @@ class Upload:
             self.warnings.append(f"{path}: {int((~keep).sum())} triangles with non-finite points are not drawn")
         if not keep.any():
             return None
-        self._drawn[len(self._geometries)] = keep
+        self._drawn[len(self.geometries)] = keep
         triangles = mesh.triangles[keep]
         record = GeometryRecord()
         if isinstance(mesh.points, wp.array) and keep.all() and mesh.points.device == wp.get_device(self.device):

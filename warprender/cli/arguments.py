@@ -130,7 +130,12 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="NAME",
         help="path (path tracing), none (no color, other outputs alone) or auto (default: auto, none without color)",
     )
-    group.add_argument("--visibility", default="auto", metavar="NAME", help="rays or auto (default: auto)")
+    group.add_argument(
+        "--visibility",
+        default="auto",
+        metavar="NAME",
+        help="how outputs other than color see: rays, raster, painter or auto (default: auto)",
+    )
     group.add_argument(
         "--samples",
         type=positive_int,

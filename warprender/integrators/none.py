@@ -12,8 +12,8 @@ from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
 from ..outputs import OUTPUTS, OutputBuffers, Seen
 from ..plan import OutputsKey
-from ..records import CameraRecord, DeviceScene
-from ..visibility.rays import closest_after_function, closest_function
+from ..records import CameraRecord, DeviceScene, Hit
+from ..visibility.rays import closest_after_function
 
 #: Surfaces that are wholly clear are looked through, this many at most.
 MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
@@ -23,7 +23,6 @@ MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
 def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     """The kernel for a key; item i is pixel i in rows from the top."""
     camera_ray = camera_ray_function(key.camera)
-    closest = closest_function(key.shapes)
     closest_after = closest_after_function(key.shapes)
     shading_at = shading_function(key.shapes, key.features)
     prepare, _, _ = material_functions(key.materials, key.features)
@@ -33,7 +32,13 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     orthographic = int("orthographic" in key.camera)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def outputs(first: wp.int32, scene: DeviceScene, camera: CameraRecord, buffers: OutputBuffers):
+    def outputs(
+        first: wp.int32,
+        scene: DeviceScene,
+        camera: CameraRecord,
+        hits: wp.array2d(dtype=Hit),
+        buffers: OutputBuffers,
+    ):
         pixel = first + wp.tid()
         seen = Seen()
         seen.x = pixel % camera.width
@@ -42,7 +47,7 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
         seen.orthographic = wp.static(orthographic)
         seen.ray = camera_ray(camera, wp.float32(seen.x) + 0.5, wp.float32(seen.y) + 0.5, wp.vec2(0.5, 0.5))
         cone = pixel_cone(camera)
-        hit = closest(scene, seen.ray)
+        hit = hits[seen.y, seen.x]
         if hit.instance < 0:
             return
         seen.surface = shading_at(scene, seen.ray, hit, cone[0] + cone[1] * hit.t)
@@ -70,10 +75,14 @@ def launch_outputs(
     key: OutputsKey,
     scene: DeviceScene,
     camera: CameraRecord,
+    hits: wp.array2d(dtype=Hit),
     buffers: OutputBuffers,
     device: str,
     threads: int,
 ) -> None:
-    """Write the key's outputs for every pixel that sees something; the others keep their clear values."""
+    """Write the key's outputs for every pixel that sees something; the others keep their clear values.
+
+    `hits` (H, W) are the first hits of `visibility.first_hits`.
+    """
     count = camera.width * camera.height
-    launch(outputs_kernel(key), count, [scene, camera, buffers], device, threads)
+    launch(outputs_kernel(key), count, [scene, camera, hits, buffers], device, threads)

@@ -1,0 +1,228 @@
+"""The first hit of the ray through each pixel's centre, in one buffer, whoever finds it: rays or the rasterizer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+import warp as wp
+
+from ..camera import camera_ray_function
+from ..launch import launch
+from ..records import CameraRecord, DeviceScene, GeometryRecord, Hit
+from .raster import DrawList, Triangles
+from .rays import closest, miss
+
+
+class FirstHits(Protocol):
+    """A way to find first hits."""
+
+    def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
+        """(H, W) hits, row 0 at the top. The array is overwritten by the next call."""
+
+
+class RayHits:
+    """First hits by one ray a pixel."""
+
+    def __init__(self, scene: DeviceScene, camera: CameraRecord, effects: tuple[str, ...], device: str) -> None:
+        """`effects` are the camera's, by name."""
+        self._kernel = _ray_kernel(effects)
+        self._arguments = [scene, camera]
+        self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
+
+    def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
+        """See `FirstHits`."""
+        launch(self._kernel, self._hits.size, [*self._arguments, self._hits], self._hits.device, threads)
+        return self._hits
+
+
+class RasterHits:
+    """First hits by the rasterizer: triangles by their edges, and rays where a sphere may be.
+
+    Points go to clip space by one float64 matrix, of the same float32 placement that rays meet, and are rounded once.
+    Raster and rays therefore differ only at centres within 2^-24 of the picture's width of an edge, and where surfaces
+    are equally deep as float32.
+    """
+
+    def __init__(
+        self,
+        scene: DeviceScene,
+        geometries: Sequence[GeometryRecord],
+        bounds: np.ndarray,
+        camera: CameraRecord,
+        effects: tuple[str, ...],
+        device: str,
+        painter: bool = False,
+    ) -> None:
+        """For a scene at rest.
+
+        Args:
+            scene: the scene on its device.
+            geometries: the host's copies of `scene.geometries`.
+            bounds: (2, 3) float64 box of everything placed, in the scene's coordinates.
+            camera: a pinhole or an orthographic camera without clipping planes.
+            effects: the camera's, by name.
+            device: of the scene.
+            painter: draw by the painter's algorithm, without a depth buffer.
+
+        Raises:
+            ValueError: more triangles than int32 can number.
+        """
+        instances = scene.instances.numpy()
+        placed = np.zeros((len(instances), 4, 4))
+        placed[:, :3, :3], placed[:, :3, 3], placed[:, 3, 3] = instances["linear"], instances["translation"], 1.0
+        to_clip = clip_matrix(camera, bounds)
+        self._scene, self._camera = scene, camera
+        self._draws = DrawList([_triangles(g, device) for g in geometries], instances["geometry"], device)
+        self._draws.matrices.assign(to_clip @ placed)
+        self._draw = self._draws.paint if painter else self._draws.rasterize
+        radius = np.array([g.radius for g in geometries])[instances["geometry"]]
+        boxes = sphere_boxes(camera, to_clip, placed[radius > 0], radius[radius > 0])
+        by_ray = np.zeros((camera.height, camera.width), np.uint8)
+        for left, top, right, bottom in boxes:
+            by_ray[top:bottom, left:right] = 1
+        self._by_ray = wp.array(by_ray, dtype=wp.uint8, device=device)
+        self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
+        self._kernel = _raster_kernel(effects, bool(len(boxes)))
+
+    def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
+        """See `FirstHits`."""
+        seen = self._draw(self._camera.width, self._camera.height, threads)
+        arguments = [self._scene, self._camera, self._draws.first_face, seen.face, seen.u, seen.v, self._by_ray]
+        launch(self._kernel, self._hits.size, [*arguments, self._hits], self._hits.device, threads)
+        return self._hits
+
+
+def clip_matrix(camera: CameraRecord, bounds: np.ndarray) -> np.ndarray:
+    """(4, 4) float64, from the scene's coordinates to clip space, for column vectors.
+
+    Depth z / w runs from -1 on the near plane to 0 at infinity (perspective), where float32 is as fine as the depth
+    itself, or to 1 behind the last of `bounds` (orthographic). The far plane is left to whoever reads the hits: what is
+    behind it hides nothing.
+    """
+    rotation = np.array(camera.rotation, np.float64).reshape(3, 3)
+    position = np.array(camera.position, np.float64)
+    view = np.eye(4)
+    view[:3, :3], view[:3, 3] = rotation.T, -rotation.T @ position
+    left, bottom, right, top = np.array(camera.window, np.float64)
+    x, y = (right + left) / (right - left), (top + bottom) / (top - bottom)
+    projection = np.zeros((4, 4))
+    projection[0, 0], projection[1, 1] = 2 / (right - left), 2 / (top - bottom)
+    if camera.orthographic:
+        corners = np.stack(np.meshgrid(*np.asarray(bounds, np.float64).T, indexing="ij"), -1).reshape(-1, 3)
+        farthest = (-(corners @ view[2, :3]) - view[2, 3]).max()
+        depth = max(1.01 * (farthest - camera.near), 1e-6 * abs(camera.near), 1e-30)
+        projection[0, 3], projection[1, 3] = -x, -y
+        projection[2, 2:] = -2 / depth, -2 * camera.near / depth - 1
+        projection[3, 3] = 1
+    else:
+        projection[0, 2], projection[1, 2] = x, y
+        projection[2, 3] = -camera.near
+        projection[3, 2] = -1
+    return projection @ view
+
+
+def sphere_boxes(camera: CameraRecord, to_clip: np.ndarray, placed: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """(S, 4) int left, top, right, bottom of the pixels that may see each sphere: of the cube about it.
+
+    Args:
+        camera: the camera.
+        to_clip: (4, 4) of `clip_matrix`.
+        placed: (S, 4, 4) object-to-scene matrices for column vectors.
+        radius: (S,) of the spheres.
+    """
+    size = np.array([camera.width, camera.height])
+    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    corners = np.concatenate([signs[None] * radius[:, None, None], np.ones((len(radius), 8, 1))], 2)
+    clip = np.einsum("sij,skj->ski", to_clip @ placed, corners)
+    before_eye = (clip[..., 3] > 0).all(1)
+    with np.errstate(all="ignore"):
+        pixels = (clip[..., :2] / clip[..., 3:] * (0.5, -0.5) + 0.5) * size
+    low = np.where(before_eye[:, None], np.floor(pixels.min(1)) - 1, 0)
+    high = np.where(before_eye[:, None], np.ceil(pixels.max(1)) + 1, size)
+    return np.concatenate([np.clip(low, 0, size), np.clip(high, 0, size)], 1).astype(int)
+
+
+def _triangles(geometry: GeometryRecord, device: str) -> Triangles:
+    """The geometry's triangles; none of a sphere's."""
+    triangles = Triangles()
+    triangles.points = geometry.points if geometry.points is not None else wp.empty(0, wp.vec3, device=device)
+    triangles.indices = geometry.indices if geometry.indices is not None else wp.empty(0, wp.int32, device=device)
+    return triangles
+
+
+@cache
+def _ray_kernel(effects: tuple[str, ...]) -> wp.Kernel:
+    camera_ray = camera_ray_function(effects)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def ray_hits(first: wp.int32, scene: DeviceScene, camera: CameraRecord, hits: wp.array2d(dtype=Hit)):
+        pixel = first + wp.tid()
+        x = pixel % camera.width
+        y = pixel // camera.width
+        ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
+        hits[y, x] = closest(scene, ray)
+
+    return ray_hits
+
+
+@wp.func
+def draw_of(first_face: wp.array(dtype=wp.int32), face: wp.int32) -> wp.int32:
+    """The last draw whose first face is not behind `face`."""
+    low = wp.int32(0)
+    high = first_face.shape[0] - 1
+    while low < high:
+        middle = (low + high + 1) // 2
+        if first_face[middle] <= face:
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
+@cache
+def _raster_kernel(effects: tuple[str, ...], with_spheres: bool) -> wp.Kernel:
+    camera_ray = camera_ray_function(effects)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def raster_hits(
+        first: wp.int32,
+        scene: DeviceScene,
+        camera: CameraRecord,
+        first_face: wp.array(dtype=wp.int32),
+        face: wp.array2d(dtype=wp.int32),
+        u: wp.array2d(dtype=wp.float32),
+        v: wp.array2d(dtype=wp.float32),
+        by_ray: wp.array2d(dtype=wp.uint8),
+        hits: wp.array2d(dtype=Hit),
+    ):
+        pixel = first + wp.tid()
+        x = pixel % camera.width
+        y = pixel // camera.width
+        ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
+        if wp.static(with_spheres):
+            if by_ray[y, x] != wp.uint8(0):
+                hits[y, x] = closest(scene, ray)
+                return
+        hit = miss()
+        if face[y, x] >= 0:
+            instance = draw_of(first_face, face[y, x])
+            triangle = face[y, x] - first_face[instance]
+            geometry = scene.geometries[scene.instances[instance].geometry]
+            p0 = geometry.points[geometry.indices[3 * triangle]]
+            p1 = geometry.points[geometry.indices[3 * triangle + 1]]
+            p2 = geometry.points[geometry.indices[3 * triangle + 2]]
+            p = p0 + (p1 - p0) * u[y, x] + (p2 - p0) * v[y, x]
+            p = scene.instances[instance].linear * p + scene.instances[instance].translation
+            t = wp.max(wp.dot(p - ray.origin, ray.direction), 0.0)
+            if t < ray.t_max:
+                hit.t = t
+                hit.instance = instance
+                hit.face = triangle
+                hit.u = u[y, x]
+                hit.v = v[y, x]
+        hits[y, x] = hit
+
+    return raster_hits

@@ -1,0 +1,416 @@
+"""Rasterization: which triangle each pixel centre sees, by homogeneous edge functions and a depth buffer.
+
+Coverage is exact for the float32 clip coordinates: a sign that double precision does not settle is found with exact
+sums (raster.h). Triangles may cross the eye plane; nothing is clipped but per pixel (Olano and Greer 1997).
+
+On the CPU triangles are sorted middle: chunks of triangles go to bins of the picture by count, prefix sum and scatter,
+then each bin is drawn by one thread, so that no two threads write one address. On CUDA one thread draws one triangle
+and the nearest wins by an atomic minimum of depth and face in one 64-bit key (Laine and Karras, "High-Performance
+Software Rasterization on GPUs", 2011, weigh both).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import warp as wp
+
+from ..launch import launch, thread_count
+
+#: Pixels along a side of the picture, at most: the error bounds of raster.h count on it.
+LARGEST_SIDE = 16384
+#: Triangles in a chunk, entries that it may leave in bins, and bins at most: `Binner` in raster.h.
+_CHUNK, _ROOM, _MOST_BINS = 2048, 16384, 1024
+_SMALLEST_SHIFT = 6
+#: Rows that the painter draws in one item: `Painter` in raster.h.
+_BAND_ROWS = 16
+
+_CULL = {"none": 0, "back": -1, "front": 1}
+_OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": "-march=native"}
+_HEADER = (Path(__file__).parent / "raster.h").read_text()
+
+
+class Raster(NamedTuple):
+    """What each pixel centre sees: arrays (H, W), row 0 at the top.
+
+    Attributes:
+        face: int32, -1 where nothing is seen.
+        u: float32, perspective-correct weight of vertex 1; 0 on a miss.
+        v: float32, that of vertex 2.
+        depth: float32 z / w in [-1, 1], smaller is nearer; 1 on a miss.
+    """
+
+    face: wp.array
+    u: wp.array
+    v: wp.array
+    depth: wp.array
+
+
+@wp.struct
+class Triangles:
+    """Indices (3 F,) of clip positions, or of points that `RasterTask.matrices` takes to clip space."""
+
+    clip: wp.array(dtype=wp.vec4)
+    points: wp.array(dtype=wp.vec3)
+    indices: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class RasterTask:
+    """One picture of a `DrawList`: draw d shows `meshes[mesh[d]]`, moved by `matrices[d]` where it has points.
+
+    `chunks` (C, 3) has draw, first face and number of faces. A chunk leaves `_ROOM` `entries`, sorted by bin; bin b
+    has those from `starts[b]` on, of (C, bins + 1); the last `_CHUNK` of them are its `large_counts` triangles that lie
+    over many bins. `faults` is a face with an index out of range, or -1. `taken` counts the chunks and the bins that
+    threads have taken. `keys` has the nearest fragments of a bin for each thread.
+
+    On CUDA `keys` has the nearest fragments of the picture, `entries` the large triangles, `taken` of them. `order` is
+    the painter's.
+    """
+
+    meshes: wp.array(dtype=Triangles)
+    mesh: wp.array(dtype=wp.int32)
+    matrices: wp.array(dtype=wp.mat44d)
+    first_face: wp.array(dtype=wp.int32)
+    chunks: wp.array2d(dtype=wp.int32)
+    width: wp.int32
+    height: wp.int32
+    cull: wp.int32
+    shift: wp.int32
+    entries: wp.array(dtype=wp.vec3i)
+    starts: wp.array(dtype=wp.int32)
+    large_counts: wp.array(dtype=wp.int32)
+    faults: wp.array(dtype=wp.int32)
+    taken: wp.array(dtype=wp.int32)
+    keys: wp.array(dtype=wp.uint64)
+    order: wp.array(dtype=wp.int32)
+    face: wp.array2d(dtype=wp.int32)
+    u: wp.array2d(dtype=wp.float32)
+    v: wp.array2d(dtype=wp.float32)
+    depth: wp.array2d(dtype=wp.float32)
+
+
+@cache
+def _bin_kernel() -> wp.Kernel:
+    @wp.func_native(_HEADER + "Binner::run_all(task);")
+    def bin_chunks(task: RasterTask): ...
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def bin_triangles(first: wp.int32, task: RasterTask):
+        bin_chunks(task)
+
+    return bin_triangles
+
+
+@cache
+def _fill_kernel() -> wp.Kernel:
+    @wp.func_native(_HEADER + "Tile::run_all(task, worker);")
+    def fill_bins(task: RasterTask, worker: wp.int32): ...
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def draw_bins(first: wp.int32, task: RasterTask):
+        fill_bins(task, first + wp.tid())
+
+    return draw_bins
+
+
+@cache
+def _keyed_kernels() -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
+    """One thread a triangle, then one a pixel for the large ones, then one a pixel for what users see."""
+
+    @wp.func_native(_HEADER + "Keyed::draw(task, face);")
+    def draw_face(task: RasterTask, face: wp.int32): ...
+
+    @wp.func_native(_HEADER + "Keyed::draw_large(task, x, y);")
+    def draw_large_faces(task: RasterTask, x: wp.int32, y: wp.int32): ...
+
+    @wp.func_native(_HEADER + "Keyed::finish(task, x, y);")
+    def finish_pixel(task: RasterTask, x: wp.int32, y: wp.int32): ...
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def draw_faces(first: wp.int32, task: RasterTask):
+        draw_face(task, first + wp.tid())
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def draw_large(first: wp.int32, task: RasterTask):
+        pixel = first + wp.tid()
+        draw_large_faces(task, pixel % task.width, pixel // task.width)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def finish_pixels(first: wp.int32, task: RasterTask):
+        pixel = first + wp.tid()
+        finish_pixel(task, pixel % task.width, pixel // task.width)
+
+    return draw_faces, draw_large, finish_pixels
+
+
+@cache
+def _painter_kernels() -> tuple[wp.Kernel, wp.Kernel]:
+    """By what triangles are sorted; and the painting, a band of rows an item."""
+
+    @wp.func_native(_HEADER + "return Painter::depth(task, face);")
+    def sort_depth(task: RasterTask, face: wp.int32) -> wp.float32: ...
+
+    @wp.func_native(_HEADER + "Painter::band(task, number);")
+    def paint_band(task: RasterTask, number: wp.int32): ...
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def measure(first: wp.int32, task: RasterTask, depth: wp.array(dtype=wp.float32)):
+        face = first + wp.tid()
+        depth[face] = sort_depth(task, face)
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    def paint_bands(first: wp.int32, task: RasterTask):
+        paint_band(task, first + wp.tid())
+
+    return measure, paint_bands
+
+
+def rasterize(
+    clip_positions: np.ndarray | wp.array,
+    indices: np.ndarray | wp.array,
+    width: int,
+    height: int,
+    device: str | wp.Device | None = None,
+    threads: int | None = None,
+    cull: str = "none",
+) -> Raster:
+    """Find the nearest triangle at every pixel centre.
+
+    Args:
+        clip_positions: (N, 4) float32 clip-space positions, numpy or a `wp.array(dtype=wp.vec4)`. +y is up, row 0
+            of the picture is at y = w. Triangles with a coordinate that is not finite are not drawn.
+        indices: (F, 3) or (3 F,) int.
+        width: of the picture in pixels.
+        height: likewise.
+        device: "cpu" or a CUDA device; None takes that of a `wp.array` given, else the CPU.
+        threads: CPU threads, None for all cores. The picture does not depend on it.
+        cull: "none", "back" or "front"; a front face turns counter-clockwise.
+
+    Returns:
+        A `Raster`. Of equally deep triangles (as float32) the one with the smaller index is seen. Where centres lie
+        on an edge, the triangle owns those on its left and top edges.
+
+    Raises:
+        ValueError: a size, shape or index out of range.
+        MemoryError: the picture does not fit the device's memory.
+    """
+    device = _device_of(clip_positions, indices, device)
+    triangles = Triangles()
+    triangles.clip = _positions(clip_positions, device)
+    triangles.indices = _indices(indices, device)
+    return DrawList([triangles], [0], device).rasterize(width, height, threads, cull)
+
+
+class DrawList:
+    """What one picture shows: D draws of meshes, each mesh stored once however often it is drawn.
+
+    The number of a face in the picture is `first_face` of its draw plus its index in the mesh.
+
+    Attributes:
+        first_face: (D,) int32 on the device.
+        matrices: (D,) `wp.mat44d` on the device, from points to clip space, for column vectors. Zero until set; not
+            read for meshes of clip positions.
+    """
+
+    def __init__(self, meshes: Sequence[Triangles], draws: Sequence[int] | np.ndarray, device: str | wp.Device) -> None:
+        """Take meshes, whose arrays are read anew for each picture, and for each draw the number of its mesh.
+
+        Raises:
+            ValueError: more triangles than int32 can number.
+        """
+        self.device = wp.get_device(device)
+        self._meshes = list(meshes)  # arrays of structs do not keep what they point to
+        self._mesh = np.asarray(draws, np.int32)
+        faces = np.array([len(mesh.indices) // 3 for mesh in self._meshes], np.int64)[self._mesh]
+        if faces.sum() >= 2**31 - 1:
+            raise ValueError(f"{faces.sum()} triangles are more than one picture has face numbers for")
+        self._face_count = int(faces.sum())
+        self.first_face = wp.array((np.cumsum(faces) - faces).astype(np.int32), dtype=wp.int32, device=self.device)
+        self.matrices = wp.zeros(len(self._mesh), wp.mat44d, device=self.device)
+        self._task = task = RasterTask()
+        task.meshes = wp.array(self._meshes, dtype=Triangles, device=self.device)
+        task.mesh = wp.array(self._mesh, dtype=wp.int32, device=self.device)
+        task.first_face, task.matrices = self.first_face, self.matrices
+        task.chunks = wp.array(_chunks(faces), dtype=wp.int32, device=self.device)
+
+    def rasterize(self, width: int, height: int, threads: int | None = None, cull: str = "none") -> Raster:
+        """What each pixel centre sees; arguments and errors as of `rasterize`."""
+        seen = self._begin(width, height, cull)
+        if self.device.is_cpu:
+            self._draw_in_bins(thread_count(threads))
+        else:
+            self._draw_by_keys()
+        return seen
+
+    def paint(self, width: int, height: int, threads: int | None = None) -> Raster:
+        """The same by the painter's algorithm: triangles are drawn back to front, each over those before it.
+
+        They are sorted by the depth of the mean of their clip positions, so triangles that overlap in a cycle, pass
+        through each other, or are long, come out wrong; `rasterize` gets them right.
+        """
+        seen, task = self._begin(width, height, "none"), self._task
+        self._prepare_keys()
+        sort_depth = wp.empty(self._face_count, wp.float32, device=self.device)
+        measure, paint_bands = _painter_kernels()
+        launch(measure, self._face_count, [task, sort_depth], self.device, threads)
+        self._check_faults(task.faults.numpy())
+        farthest_first = np.lexsort((-np.arange(self._face_count), -sort_depth.numpy()))
+        task.order = wp.array(farthest_first, dtype=wp.int32, device=self.device)
+        bands = -(-task.height // _BAND_ROWS)
+        launch(paint_bands, bands, [task], self.device, threads, smallest_chunk=1)
+        launch(_keyed_kernels()[2], task.width * task.height, [task], self.device, threads)
+        return seen
+
+    def _begin(self, width: int, height: int, cull: str) -> Raster:
+        for name, size in (("width", width), ("height", height)):
+            if size != int(size) or not 1 <= size <= LARGEST_SIDE:
+                raise ValueError(f"{name} must be 1…{LARGEST_SIDE} pixels, not {size}")
+        if cull not in _CULL:
+            raise ValueError(f"cull {cull!r} is not one of {', '.join(_CULL)}")
+        task = self._task
+        task.width, task.height, task.cull = int(width), int(height), _CULL[cull]
+        seen = _new_picture(task.width, task.height, self.device)
+        task.face, task.u, task.v, task.depth = seen
+        return seen
+
+    def _prepare_keys(self) -> None:
+        task = self._task
+        task.keys = wp.full(task.width * task.height, 2**64 - 1, wp.uint64, device=self.device)
+        task.faults = wp.full(1, -1, wp.int32, device=self.device)
+
+    def _draw_in_bins(self, threads: int) -> None:
+        task, chunks = self._task, self._task.chunks.shape[0]
+        task.shift = _SMALLEST_SHIFT
+        while _bins(task) > _MOST_BINS:
+            task.shift += 1
+        workers = min(threads, _bins(task))
+        with _borrowed(chunks, chunks * (_bins(task) + 1), workers << 2 * task.shift) as scratch:
+            task.entries, task.starts, task.large_counts, task.faults, task.keys = scratch
+            task.taken = wp.zeros(2, wp.int32, device="cpu")
+            # An item is a thread at work: it takes chunks, then bins, until none is left.
+            launch(_bin_kernel(), min(threads, chunks), [task], "cpu", threads, smallest_chunk=1)
+            self._check_faults(task.faults.numpy()[:chunks])
+            launch(_fill_kernel(), workers, [task], "cpu", threads, smallest_chunk=1)
+
+    def _draw_by_keys(self) -> None:
+        task, pixels = self._task, self._task.width * self._task.height
+        self._prepare_keys()
+        task.entries = wp.empty(self._face_count, wp.vec3i, device=self.device)
+        task.taken = wp.zeros(1, wp.int32, device=self.device)
+        for kernel, count in zip(_keyed_kernels(), (self._face_count, pixels, pixels), strict=True):
+            launch(kernel, count, [task], self.device, threads=1)
+        self._check_faults(task.faults.numpy())
+
+    def _check_faults(self, faults: np.ndarray) -> None:
+        """Raise a ValueError for a face with an index out of range; -1 stands for none."""
+        if not (faults >= 0).any():
+            return
+        face, first = int(faults[faults >= 0].min()), self.first_face.numpy()
+        draw = int(np.searchsorted(first, face, "right")) - 1
+        mesh = self._meshes[self._mesh[draw]]
+        corners = mesh.indices.numpy().reshape(-1, 3)[face - first[draw]].tolist()
+        vertices = len(mesh.points if mesh.clip is None else mesh.clip)
+        raise ValueError(f"triangle {face} has the indices {corners}, but there are {vertices} vertices")
+
+
+def _new_picture(width: int, height: int, device: wp.Device) -> Raster:
+    # One block: the allocator keeps a block of this size for the next picture, while four smaller ones go back to the
+    # system, and the first touch of a page costs as much as drawing a hundred triangles.
+    needed, free = 16 * width * height, _free_memory(device)
+    complaint = f"a picture of {width}x{height} pixels needs {needed >> 20} MiB of {device}'s memory"
+    if needed > free:
+        raise MemoryError(f"{complaint}; {free >> 20} MiB are free")
+    try:
+        planes = wp.empty((4, height, width), wp.float32, device=device)
+    except (RuntimeError, MemoryError) as error:
+        raise MemoryError(complaint) from error
+    return Raster(planes[0].view(wp.int32), planes[1], planes[2], planes[3])
+
+
+def _free_memory(device: wp.Device) -> int:
+    """Bytes; where the system does not say, more than there can be."""
+    if device.is_cuda:
+        return device.free_memory
+    try:
+        rows = Path("/proc/meminfo").read_text().splitlines()
+    except OSError:
+        return 2**63
+    return next((1024 * int(row.split()[1]) for row in rows if row.startswith("MemAvailable:")), 2**63)
+
+
+def _bins(task: RasterTask) -> int:
+    return (((task.width - 1) >> task.shift) + 1) * (((task.height - 1) >> task.shift) + 1)
+
+
+#: Scratch memory of a picture drawn before, for the next one.
+_idle: list[tuple[wp.array, ...]] = []
+
+
+@contextmanager
+def _borrowed(chunks: int, starts: int, keys: int) -> Iterator[tuple[wp.array, ...]]:
+    """Entries, starts, large counts and faults for so many chunks, and keys."""
+    scratch = _idle.pop() if _idle else None
+    if scratch is None or len(scratch[2]) < chunks or len(scratch[1]) < starts or len(scratch[4]) < keys:
+        scratch = (
+            wp.empty(chunks * _ROOM, wp.vec3i, device="cpu"),
+            wp.empty(starts, wp.int32, device="cpu"),
+            wp.empty(chunks, wp.int32, device="cpu"),
+            wp.empty(chunks, wp.int32, device="cpu"),
+            wp.empty(keys, wp.uint64, device="cpu"),
+        )
+    try:
+        yield scratch
+    finally:
+        if not _idle:
+            _idle.append(scratch)
+
+
+def _chunks(faces: np.ndarray) -> np.ndarray:
+    """(C, 3) int32: draw, first face in it, number of faces."""
+    per_draw = -(-faces // _CHUNK)
+    draw = np.repeat(np.arange(len(faces)), per_draw)
+    nth = np.arange(len(draw)) - np.repeat(np.cumsum(per_draw) - per_draw, per_draw)
+    first = nth * _CHUNK
+    return np.stack([draw, first, np.minimum(faces[draw] - first, _CHUNK)], 1).astype(np.int32).reshape(-1, 3)
+
+
+def _device_of(positions: np.ndarray | wp.array, indices: np.ndarray | wp.array, device: object) -> wp.Device:
+    if device is None:
+        device = next((a.device for a in (positions, indices) if isinstance(a, wp.array)), "cpu")
+    return wp.get_device(device)
+
+
+def _positions(positions: np.ndarray | wp.array, device: wp.Device) -> wp.array:
+    if not isinstance(positions, wp.array):
+        positions = np.asarray(positions)
+        if positions.ndim != 2 or positions.shape[1] != 4:
+            raise ValueError(f"clip positions must have shape (N, 4), not {positions.shape}")
+        return wp.array(np.ascontiguousarray(positions, np.float32), dtype=wp.vec4, device=device)
+    if positions.dtype == wp.float32 and positions.ndim == 2 and positions.shape[1] == 4:
+        positions = positions.contiguous().view(wp.vec4).flatten() if positions.size else wp.empty(0, wp.vec4)
+    if positions.dtype != wp.vec4 or positions.ndim != 1:
+        raise ValueError(f"clip positions must be (N,) vec4 or (N, 4) float32, not {positions.shape} {positions.dtype}")
+    return positions.contiguous().to(device)
+
+
+def _indices(indices: np.ndarray | wp.array, device: wp.Device) -> wp.array:
+    shape = tuple(indices.shape if isinstance(indices, wp.array) else np.shape(indices))
+    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[1] != 3) or int(np.prod(shape)) % 3:
+        raise ValueError(f"indices must have shape (F, 3) or (3 F,), not {shape}")
+    if isinstance(indices, wp.array) and indices.dtype == wp.int32:
+        return indices.contiguous().flatten().to(device)
+    host = np.reshape(indices.numpy() if isinstance(indices, wp.array) else indices, -1)
+    if not host.size:
+        return wp.empty(0, wp.int32, device=device)
+    if host.dtype.kind not in "iu":
+        raise ValueError(f"indices must be integers, not {host.dtype}")
+    if host.dtype != np.int32:
+        # What int32 cannot hold is out of range as it is; -1 says so to the kernel.
+        host = np.where((host < 0) | (host > 2**31 - 1), -1, host).astype(np.int32)
+    return wp.array(host, dtype=wp.int32, device=device)
