@@ -32,8 +32,8 @@ def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
 
 
 def _is_lit_dome(light: Light) -> bool:
-    """Whether it is a dome that emits: one without a texture is not aimed at, and answers a power of 0."""
-    return isinstance(light, DomeLight) and bool(light.radiance().any())
+    """Whether it is a dome of one colour that emits: it is not aimed at, and answers a power of 0."""
+    return isinstance(light, DomeLight) and light.texture is None and bool(light.radiance().any())
 
 
 def emits(scene: Scene, placement: Placement) -> bool:

@@ -23,6 +23,12 @@
 // Arithmetic Culling Methods for Entire Ray Packets", 2006 (groups by interval arithmetic).
 
 #define WR_FN static inline CUDA_CALLABLE
+// One copy of a walk for all calls of it: inlined, CUDA compiles for minutes.
+#ifdef __CUDA_ARCH__
+#define WR_WALK static __noinline__ CUDA_CALLABLE
+#else
+#define WR_WALK WR_FN
+#endif
 #ifdef __CUDA_ARCH__
 #define WR_SCALAR
 #define WR_NO_FUSION
@@ -912,7 +918,7 @@ struct World {
             shape(g, i, local, any, best);
     }
     // any: stop at the first hit that counts.
-    WR_FN void trace(const World& w, const Lane& ray, bool any, Answer& best)
+    WR_WALK void trace(const World& w, const Lane& ray, bool any, Answer& best)
     {
         if (w.count == 1) {
             visit(w, 0, ray, any, best);
