@@ -132,11 +132,13 @@ class Output:
         dtype: Warp type of a pixel.
         clear: what pixels hold where nothing is seen.
         write: `write(buffers, seen)`.
+        of_material: whether it reads `seen.bsdf`.
     """
 
     dtype: type
     clear: float | int
     write: wp.Function
+    of_material: bool = False
 
 
 #: AOVs by name. Clear values as in usdImaging and hdEmbree.
@@ -148,7 +150,7 @@ OUTPUTS: dict[str, Output] = {
     "Neye": Output(wp.vec3, -1.0, write_eye_normal),
     "position": Output(wp.vec3, 0.0, write_position),
     "Peye": Output(wp.vec3, 0.0, write_eye_position),
-    "albedo": Output(wp.vec3, 0.0, write_albedo),
+    "albedo": Output(wp.vec3, 0.0, write_albedo, of_material=True),
     "primId": Output(wp.int32, -1, write_prim_id),
     "instanceId": Output(wp.int32, -1, write_instance_id),
     "elementId": Output(wp.int32, -1, write_element_id),

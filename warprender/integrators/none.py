@@ -29,6 +29,7 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     writers = tuple(OUTPUTS[name].write for name in key.outputs)
     count = len(writers)
     straight_through = key.straight_through
+    with_materials = straight_through or any(OUTPUTS[name].of_material for name in key.outputs)
     orthographic = int("orthographic" in key.camera)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -40,18 +41,21 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
         buffers: OutputBuffers,
     ):
         pixel = first + wp.tid()
+        x = pixel % camera.width
+        y = pixel // camera.width
+        hit = hits[y, x]
+        if hit.instance < 0:
+            return
         seen = Seen()
-        seen.x = pixel % camera.width
-        seen.y = pixel // camera.width
+        seen.x = x
+        seen.y = y
         seen.camera = camera
         seen.orthographic = wp.static(orthographic)
         seen.ray = camera_ray(camera, wp.float32(seen.x) + 0.5, wp.float32(seen.y) + 0.5, wp.vec2(0.5, 0.5))
         cone = pixel_cone(camera)
-        hit = hits[seen.y, seen.x]
-        if hit.instance < 0:
-            return
         seen.surface = shading_at(scene, seen.ray, hit, cone[0] + cone[1] * hit.t)
-        seen.bsdf = prepare(scene, seen.surface)
+        if wp.static(with_materials):
+            seen.bsdf = prepare(scene, seen.surface)
         if wp.static(straight_through):
             clear = wp.int32(0)
             while seen.bsdf.pass_through >= 1.0 and clear < MOST_CLEAR_SURFACES:

@@ -12,7 +12,7 @@ import warp as wp
 from ..camera import camera_ray_function
 from ..launch import launch
 from ..records import CameraRecord, DeviceScene, GeometryRecord, Hit
-from .raster import DrawList, Triangles
+from .raster import DrawList, Raster, Triangles
 from .rays import closest, miss
 
 
@@ -77,6 +77,7 @@ class RasterHits:
         self._scene, self._camera = scene, camera
         self._draws = DrawList([_triangles(g, device) for g in geometries], instances["geometry"], device)
         self._draws.matrices.assign(to_clip @ placed)
+        self._seen: Raster | None = None
         self._draw = self._draws.paint if painter else self._draws.rasterize
         radius = np.array([g.radius for g in geometries])[instances["geometry"]]
         boxes = sphere_boxes(camera, to_clip, placed[radius > 0], radius[radius > 0])
@@ -89,7 +90,7 @@ class RasterHits:
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """See `FirstHits`."""
-        seen = self._draw(self._camera.width, self._camera.height, threads)
+        self._seen = seen = self._draw(self._camera.width, self._camera.height, threads, into=self._seen)
         arguments = [self._scene, self._camera, self._draws.first_face, seen.face, seen.u, seen.v, self._by_ray]
         launch(self._kernel, self._hits.size, [*arguments, self._hits], self._hits.device, threads)
         return self._hits
@@ -201,13 +202,15 @@ def _raster_kernel(effects: tuple[str, ...], with_spheres: bool) -> wp.Kernel:
         pixel = first + wp.tid()
         x = pixel % camera.width
         y = pixel // camera.width
-        ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
         if wp.static(with_spheres):
             if by_ray[y, x] != wp.uint8(0):
-                hits[y, x] = closest(scene, ray)
+                hits[y, x] = closest(
+                    scene, camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
+                )
                 return
         hit = miss()
         if face[y, x] >= 0:
+            ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
             instance = draw_of(first_face, face[y, x])
             triangle = face[y, x] - first_face[instance]
             geometry = scene.geometries[scene.instances[instance].geometry]
