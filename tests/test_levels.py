@@ -16,7 +16,7 @@ LEVELS = (
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"integrators", "upload", "upload_lights", "receipt"},
+    {"integrators", "upload", "upload_lights", "checks", "receipt"},
     {"frame", "renderer"},
     {"usd", "cli"},
     {"__init__", "__main__"},

@@ -162,7 +162,7 @@ def test_a_missing_file_gives_the_fallback_and_one_warning(tmp_path):
 @pytest.mark.parametrize("content", (b"", b"not a picture"))
 def test_a_broken_file_gives_the_fallback(tmp_path, content):
     (tmp_path / "x.png").write_bytes(content)
-    texture = Texture(str(tmp_path / "x.png"), fallback=(0.5, 0, 0, 1))
+    texture = Texture(tmp_path / "x.png", fallback=(0.5, 0, 0, 1))
     assert seen(texture, (0.5, 0.5))[0, 0] == 0.5
 
 

@@ -17,7 +17,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .camera import Camera
     from .frame import Frame
-    from .lights import CameraLight, DiskLight, DistantLight, DomeLight, RectLight, SphereLight
+    from .lights import (
+        CameraLight,
+        CylinderLight,
+        DiskLight,
+        DistantLight,
+        DomeLight,
+        LightTexture,
+        MeshLight,
+        RectLight,
+        Shadow,
+        Shaping,
+        SphereLight,
+    )
     from .materials import DisplayColor, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
@@ -33,11 +45,14 @@ __version__ = "0.1.0"
 _HOMES = {
     "Camera": "camera",
     "CameraLight": "lights",
+    "CylinderLight": "lights",
     "DiskLight": "lights",
     "DisplayColor": "materials",
     "DistantLight": "lights",
     "DomeLight": "lights",
     "Frame": "frame",
+    "LightTexture": "lights",
+    "MeshLight": "lights",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
     "Raster": "visibility.raster",
@@ -47,6 +62,8 @@ _HOMES = {
     "Renderer": "renderer",
     "Scene": "scene",
     "SceneError": "scene",
+    "Shadow": "lights",
+    "Shaping": "lights",
     "SphereLight": "lights",
     "StageReader": "usd",
     "Texture": "textures",
@@ -58,11 +75,14 @@ _HOMES = {
 __all__ = [
     "Camera",
     "CameraLight",
+    "CylinderLight",
     "DiskLight",
     "DisplayColor",
     "DistantLight",
     "DomeLight",
     "Frame",
+    "LightTexture",
+    "MeshLight",
     "PreviewSurface",
     "PrimvarReader",
     "Raster",
@@ -72,6 +92,8 @@ __all__ = [
     "Renderer",
     "Scene",
     "SceneError",
+    "Shadow",
+    "Shaping",
     "SphereLight",
     "StageReader",
     "Texture",

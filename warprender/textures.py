@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -51,7 +52,7 @@ class Texture:
         prim: the node's path, to name it in warnings.
     """
 
-    file: str | np.ndarray
+    file: str | os.PathLike | np.ndarray
     channel: str = "rgb"
     wrapS: str = "useMetadata"
     wrapT: str = "useMetadata"
@@ -64,6 +65,8 @@ class Texture:
     prim: str = ""
 
     def __post_init__(self) -> None:
+        if isinstance(self.file, os.PathLike):
+            self.file = os.fspath(self.file)
         self.transform = np.asarray(self.transform, np.float64).reshape(2, 3)
         choices = {
             "channel": CHANNELS,

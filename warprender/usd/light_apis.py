@@ -69,7 +69,7 @@ def _left_out(reading: Reading, collection: Usd.CollectionAPI) -> frozenset[str]
     query = collection.ComputeMembershipQuery()
     return frozenset(
         placement
-        for placement, paths in reading.sources.items()
+        for placement, paths in reading.placed.items()
         if not all(query.IsPathIncluded(path) for path in paths)
     )
 

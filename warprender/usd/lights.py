@@ -39,9 +39,6 @@ KINDS: dict[str, type[Light]] = {
     "GeometryLight": MeshLight,
 }
 
-#: Extensions of pictures whose values are as they are shown, on the sRGB curve.
-_DISPLAY_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".gif", ".webp")
-
 
 def read_light(reading: Reading, prim: Usd.Prim) -> Light | None:
     """A light prim without its transform; None, with a remark, where it cannot be drawn."""
@@ -85,7 +82,7 @@ def geometry_light_targets(reading: Reading, prim: Usd.Prim) -> list[str]:
     """Paths of the placements that a GeometryLight makes shine."""
     geometry = prim.GetRelationship("geometry")
     targets = geometry.GetForwardedTargets() if geometry else []
-    return [path for path, source in reading.sources.items() if any(source[0].HasPrefix(t) for t in targets)]
+    return [path for path, source in reading.placed.items() if any(source[0].HasPrefix(t) for t in targets)]
 
 
 def _with_inputs(reading: Reading, prim: Usd.Prim, light: Light) -> Light | None:
@@ -153,9 +150,10 @@ def _texture(reading: Reading, prim: Usd.Prim) -> LightTexture | None:
 
 
 def _texels(path: str) -> np.ndarray:
-    """(H, W, 3) float32 linear texels of a picture."""
-    layers, _ = images.read(path)
-    pixels = layers.get("color", next(iter(layers.values())))
-    pixels = pixels.reshape(*pixels.shape[:2], -1)
-    pixels = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, 2)
-    return (srgb_decode(pixels) if path.lower().endswith(_DISPLAY_PICTURES) else pixels).astype(np.float32)
+    """(H, W, 3) float32 linear texels of a picture: 8-bit values are on the sRGB curve, all others as they are."""
+    pixels = images.read_picture(path).pixels
+    values = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, 2)
+    if pixels.dtype == np.uint8:
+        return srgb_decode(values / 255.0).astype(np.float32)
+    largest = np.iinfo(pixels.dtype).max if pixels.dtype == np.uint16 else 1.0
+    return values.astype(np.float32) / np.float32(largest)

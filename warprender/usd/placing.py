@@ -63,12 +63,12 @@ def place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
         return
     path = _unique(reading.scene.placements, visit)
     reading.scene.placements[path] = Placement(path, shape, transforms, bindings.key(prim), ids)
-    reading.sources[path] = (prim.GetPath(), *map(Sdf.Path, visit.frame.instancers))
+    reading.placed[path] = (prim.GetPath(), *map(Sdf.Path, visit.frame.instancers))
 
 
 def place_mesh_light(reading: Reading, prim: Usd.Prim) -> None:
     """Make the placements of a prim with MeshLightAPI shine, or remark on why not."""
-    for path, source in reading.sources.items():
+    for path, source in reading.placed.items():
         if source[0] != prim.GetPath():
             continue
         placement = reading.scene.placements[path]

@@ -43,7 +43,7 @@ class Reading:
             one have none.
         surfaces: the last subdivision surface of a mesh, by its path.
         skins: what poses a mesh, by the mesh's path.
-        sources: placement's path to the paths of its prim and of the instancers that draw it.
+        placed: placement's path to the paths of its prim and of the instancers that draw it.
         light_textures: pictures on lights read so far, by file and format; None for one that cannot be read.
         profiles: photometric profiles read so far, by file; None for one that cannot be read.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
@@ -63,7 +63,7 @@ class Reading:
     sources: dict[tuple, tuple[Usd.Prim, Skin | None]] = field(default_factory=dict)
     surfaces: dict[str, Subdivision] = field(default_factory=dict)
     skins: dict[str, Skin] = field(default_factory=dict)
-    sources: dict[str, tuple[Sdf.Path, ...]] = field(default_factory=dict)
+    placed: dict[str, tuple[Sdf.Path, ...]] = field(default_factory=dict)
     light_textures: dict[tuple[str, str], LightTexture | None] = field(default_factory=dict)
     profiles: dict[str, IesProfile | None] = field(default_factory=dict)
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
