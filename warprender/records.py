@@ -321,7 +321,7 @@ class PrimvarRecord:
 
 @wp.struct
 class GeometryRecord:
-    """A shape in object space, stored once. `kind` indexes SHAPES; `mesh` is a `wp.Mesh` id."""
+    """A shape in object space, stored once. `kind` indexes SHAPES; its tree is in `DeviceScene.world`."""
 
     kind: wp.int32
     points: wp.array(dtype=wp.vec3)
@@ -356,7 +356,7 @@ class DeviceScene:
     `albedo` is `materials.albedo.albedo_table`. `tiles` has 100 picture numbers a UDIM set, -1 where there is none;
     `decode` is the sRGB curve for the 256 codes.
 
-    `albedo` is `materials.albedo.albedo_table`. `lights` has first `finite_lights` that rays may meet, whose boxes are
+    `lights` has first `finite_lights` that rays may meet, whose boxes are
     in `light_boxes`, then `infinite_lights`, last the geometry that glows. `light_cdf` is over the infinite lights
     and, as its last entry, the tree of all others. `link_sets` has a bit for each prim.
     """

@@ -172,6 +172,9 @@ class Scene:
             pose: as in `add_mesh`; a matrix with a scale makes an ellipsoid.
             color: one (3,) colour, as in `add_mesh`.
 
+        Returns:
+            The sphere.
+
         Raises:
             SceneError: the path is taken, or an array has the wrong shape.
         """
@@ -236,6 +239,9 @@ class Scene:
             camera: kept, not copied.
             pose: camera to world, as in `add_mesh`; replaces `camera.transform`. The camera looks down local -Z,
                 +Y is up.
+
+        Returns:
+            The camera.
 
         Raises:
             SceneError: the path is taken, or the pose has the wrong shape.

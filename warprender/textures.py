@@ -27,7 +27,12 @@ FIRST_TILE, TILES = 1001, 100
 
 @dataclass(frozen=True)
 class PrimvarReader:
-    """UsdPrimvarReader: the primvar `varname` of a shape, or `fallback` (1 to 4 numbers) where it has none."""
+    """UsdPrimvarReader: what a material or a texture reads from the shape.
+
+    Attributes:
+        varname: name of the primvar, without "primvars:".
+        fallback: 1 to 4 numbers that stand for it where the shape has no such primvar.
+    """
 
     varname: str
     fallback: tuple[float, ...] = (0.0,)
@@ -50,6 +55,10 @@ class Texture:
         st: where the texture coordinates come from; two numbers see one place.
         transform: (2, 3), coordinates on the picture are transform · (s, t, 1).
         prim: the node's path, to name it in warnings.
+
+    Raises:
+        ValueError: `channel`, a wrap mode or `sourceColorSpace` is none of these, or `transform` has another shape. A
+            file that cannot be read is no error: the renderer warns and takes `fallback`.
     """
 
     file: str | os.PathLike | np.ndarray

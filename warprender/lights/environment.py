@@ -39,7 +39,14 @@ class LightTexture:
 
     @classmethod
     def of(cls, texels: np.ndarray) -> LightTexture:
-        """Texels that are finite and not negative: others become 0, with a warning."""
+        """Texels that are finite and not negative: others become 0, with a warning.
+
+        Args:
+            texels: (H, W, 3 or more) linear Rec.709, row 0 at the top; a dome's by latitude and longitude.
+
+        Raises:
+            ValueError: an array of another shape.
+        """
         texels = np.asarray(texels, np.float32)
         if texels.ndim != 3 or texels.shape[2] < 3 or 0 in texels.shape:
             raise ValueError(f"a picture is an array (height, width, 3), not {texels.shape}")

@@ -33,7 +33,7 @@ class MeshLight(Light):
 
     Attributes:
         prim: path of the placement; each of its copies is a light.
-        materialSyncMode: one of `SYNC_MODES`.
+        materialSyncMode: "materialGlowTintsLight", "independent" or "noMaterialResponse".
         bothSides: whether it emits on both sides.
         area: world area of what emits, known when it is uploaded; `normalize` divides by it.
     """

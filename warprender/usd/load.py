@@ -102,7 +102,17 @@ class StageReader:
             self._stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
 
     def read(self, time: float | Usd.TimeCode | None = None) -> Scene:
-        """The scene at a time code; raises SceneError as `load` does."""
+        """The scene at a time code.
+
+        Args:
+            time: as in `load`.
+
+        Returns:
+            A scene of its own, whose shapes may be those of scenes read before.
+
+        Raises:
+            SceneError: as `load`.
+        """
         with Diagnostics() as diagnostics, _as_scene_errors(self._path):
             reading = Reading(
                 self._stage,

@@ -126,7 +126,14 @@ class RayCaster:
         ValueError: Wrong shapes, an index out of range, an index count that is no multiple of 3.
     """
 
-    def __init__(self, points, indices, accuracy="watertight", device=None, threads=None):
+    def __init__(
+        self,
+        points: np.ndarray | wp.array,
+        indices: np.ndarray | wp.array,
+        accuracy: str = "watertight",
+        device: str | wp.Device | None = None,
+        threads: int | None = None,
+    ) -> None:
         if accuracy not in ("watertight", "fast"):
             raise ValueError(f'accuracy must be "watertight" or "fast", not {accuracy!r}')
         if accuracy == "watertight" and not native.SUPPORTED:
@@ -149,7 +156,13 @@ class RayCaster:
         """Faces left out because a vertex is repeated or not finite, as of the last build or refit."""
         return self._tree.dropped
 
-    def closest(self, origins, directions, t_max=np.inf, after=None) -> Hits:
+    def closest(
+        self,
+        origins: np.ndarray | wp.array,
+        directions: np.ndarray | wp.array,
+        t_max: float | np.ndarray | wp.array = np.inf,
+        after: Hits | None = None,
+    ) -> Hits:
         """The first hit of each ray.
 
         Args:
@@ -175,7 +188,12 @@ class RayCaster:
         self._launch(_CLOSEST, rays + self._after(after, count), hits)
         return hits
 
-    def occluded(self, origins, directions, t_max=np.inf) -> wp.array:
+    def occluded(
+        self,
+        origins: np.ndarray | wp.array,
+        directions: np.ndarray | wp.array,
+        t_max: float | np.ndarray | wp.array = np.inf,
+    ) -> wp.array:
         """Whether each ray hits anything.
 
         Args:
@@ -185,14 +203,17 @@ class RayCaster:
 
         Returns:
             wp.array (N,) of bool.
+
+        Raises:
+            ValueError: Shapes that do not match.
         """
         rays = self._rays(origins, directions, t_max)
         out = wp.empty(len(rays[0]), dtype=wp.bool, device=self.device)
         self._launch(_OCCLUDED, rays + self._after(None, 1), [out])
         return out
 
-    def refit(self):
-        """Follow points that were changed in place; builds again when that pays."""
+    def refit(self) -> None:
+        """Follow points that were changed in place, by numpy or on the device; builds again when that pays."""
         fresh = _vectors(self._source, "points", self.device)
         if fresh.ptr != self.points.ptr:
             self.points.assign(fresh)
