@@ -8,7 +8,7 @@ import pytest
 import scenes
 
 import warprender as wr
-from warprender.checks import check
+from warprender.checks import COMPARED, check, visibility_findings
 from warprender.cli import main
 
 BOX = Path(__file__).parent.parent / "scenes_usd" / "cornell_box.usda"
@@ -83,3 +83,20 @@ def test_command(tmp_path, capsys):
     findings = json.loads(capsys.readouterr().out)
     assert any(finding["path"] == "/dark" for finding in findings)
     assert any("/v" in finding["what"] for finding in findings)
+
+
+def test_visibility_names_the_prims_behind_pixels_that_differ(capsys):
+    assert main(["check", "--visibility", str(BOX), "-w", "64"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1].startswith(f"{BOX}: ")
+    scene = wr.load(BOX)
+    paths = list(scene.placements)
+    pictures = []
+    for prim in (0, 1):
+        picture = {name: np.full((2, 3), -1) for name in COMPARED}
+        picture["primId"][1, 2], picture["elementId"][1, 2], picture["cameraDepth"] = prim, 7, np.ones((2, 3))
+        pictures.append(picture)
+    (finding,) = visibility_findings(scene, *pictures)
+    assert str(finding) == (
+        f"{paths[0]}: pixel 2,1: rays see {paths[0]} face 7 at depth 1, the rasterizer {paths[1]} face 7 at depth 1"
+    )

@@ -59,6 +59,39 @@ def check(scene: Scene) -> list[Finding]:
     return findings
 
 
+#: Outputs that `visibility_findings` compares.
+COMPARED = ("primId", "instanceId", "elementId", "cameraDepth")
+
+
+def visibility_findings(
+    scene: Scene, by_rays: dict[str, np.ndarray], by_raster: dict[str, np.ndarray]
+) -> list[Finding]:
+    """The pixels in which rays and the rasterizer see another prim, instance or face first, by prim.
+
+    Args:
+        scene: what was drawn.
+        by_rays: `COMPARED` outputs (H, W) of one picture.
+        by_raster: those of the other.
+    """
+    differs = np.any([by_rays[name] != by_raster[name] for name in COMPARED[:3]], 0)
+    findings = []
+    for y, x in np.argwhere(differs):
+        rays, raster = ({name: picture[name][y, x] for name in COMPARED} for picture in (by_rays, by_raster))
+        nearest = rays if rays["primId"] >= 0 else raster
+        path = list(scene.placements)[nearest["primId"]]
+        what = f"pixel {x},{y}: rays see {_seen(scene, rays)}, the rasterizer {_seen(scene, raster)}"
+        findings.append(Finding(path, what, ""))
+    return sorted(findings, key=lambda finding: finding.path)
+
+
+def _seen(scene: Scene, pixel: dict[str, float]) -> str:
+    if pixel["primId"] < 0:
+        return "nothing"
+    instance = f" instance {pixel['instanceId']}" if pixel["instanceId"] >= 0 else ""
+    path = list(scene.placements)[pixel["primId"]]
+    return f"{path}{instance} face {pixel['elementId']} at depth {pixel['cameraDepth']:.9g}"
+
+
 def _mesh_findings(path: str, mesh: Mesh) -> Iterator[Finding]:
     points = mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points)
     triangles = mesh.triangles

@@ -17,6 +17,7 @@ import warp as wp
 # A chunk must be long against a launch (about 20 µs) and short against the whole, so that threads end together.
 _CHUNKS_PER_THREAD = 12
 _SMALLEST_CHUNK = 256
+_SMALLEST_ROWS = 8
 
 
 def launch(
@@ -52,6 +53,32 @@ def launch(
     # The module loads here and once: Warp's loader is not made for several threads. CPU launches have block size 1.
     kernel.module.load(device, 1)
     list(_pool(threads).map(run, range(0, count, chunk)))
+
+
+def launch_pixels(
+    kernel: wp.Kernel,
+    width: int,
+    height: int,
+    arguments: Sequence,
+    device: str | wp.Device,
+    threads: int | None = None,
+) -> None:
+    """Run a kernel over the pixels of a picture: item i is the `columns` pixels from number i · columns on.
+
+    They lie in one row. On the CPU they are a whole row, for an item costs as much as drawing a pixel, and finding
+    (x, y) from a pixel's number costs a division. On CUDA there is one pixel an item.
+
+    Args:
+        kernel: takes `first: wp.int32` and `columns: wp.int32` before `arguments`.
+        width: of the picture in pixels.
+        height: likewise.
+        arguments: the kernel's other arguments.
+        device: where to run.
+        threads: CPU threads, None for all cores; without meaning on CUDA.
+    """
+    on_cpu = wp.get_device(device).is_cpu
+    columns, smallest = (width, _SMALLEST_ROWS) if on_cpu else (1, _SMALLEST_CHUNK)
+    launch(kernel, width * height // columns, [columns, *arguments], device, threads, smallest)
 
 
 def thread_count(threads: int | None) -> int:

@@ -5,6 +5,7 @@ A new AOV is a field of `OutputBuffers`, a function that writes it, and a line i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import warp as wp
@@ -132,11 +133,13 @@ class Output:
         dtype: Warp type of a pixel.
         clear: what pixels hold where nothing is seen.
         write: `write(buffers, seen)`.
+        of_material: whether it reads `seen.bsdf`.
     """
 
     dtype: type
     clear: float | int
     write: wp.Function
+    of_material: bool = False
 
 
 #: AOVs by name. Clear values as in usdImaging and hdEmbree.
@@ -148,8 +151,25 @@ OUTPUTS: dict[str, Output] = {
     "Neye": Output(wp.vec3, -1.0, write_eye_normal),
     "position": Output(wp.vec3, 0.0, write_position),
     "Peye": Output(wp.vec3, 0.0, write_eye_position),
-    "albedo": Output(wp.vec3, 0.0, write_albedo),
+    "albedo": Output(wp.vec3, 0.0, write_albedo, of_material=True),
     "primId": Output(wp.int32, -1, write_prim_id),
     "instanceId": Output(wp.int32, -1, write_instance_id),
     "elementId": Output(wp.int32, -1, write_element_id),
 }
+
+
+def cleared_outputs(names: Sequence[str], width: int, height: int, device: str) -> dict[str, wp.array]:
+    """An array (H, W) for each output, as it is where nothing is seen.
+
+    All lie in one block: the allocator keeps a block of this size for the next frame, while several smaller ones go
+    back to the system, and the first touch of fresh pages costs more than writing to them.
+    """
+    sizes = [wp.types.type_size_in_bytes(OUTPUTS[name].dtype) // 4 * width * height for name in names]
+    block, arrays, first = wp.empty(sum(sizes), wp.float32, device=device), {}, 0
+    for name, size in zip(names, sizes, strict=True):
+        output = OUTPUTS[name]
+        part = block[first : first + size].reshape((height, width, size // (width * height)))
+        arrays[name] = part.view(output.dtype).reshape((height, width))
+        arrays[name].fill_(output.dtype(output.clear))
+        first += size
+    return arrays

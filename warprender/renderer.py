@@ -16,7 +16,7 @@ from .framing import choose_camera, choose_resolution
 from .integrators.none import launch_outputs
 from .integrators.path import PathRequest, launch_path
 from .launch import thread_count
-from .outputs import OUTPUTS, OutputBuffers
+from .outputs import OutputBuffers, cleared_outputs
 from .plan import RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError
@@ -185,12 +185,9 @@ class Renderer:
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
             return {}
-        width, height = self.resolution
-        buffers, values = OutputBuffers(), {}
-        for name in self.plan.outputs.outputs:
-            output = OUTPUTS[name]
-            values[name] = wp.full((height, width), output.dtype(output.clear), output.dtype, device=self.device)
-            setattr(buffers, name, values[name])
+        buffers, values = OutputBuffers(), cleared_outputs(self.plan.outputs.outputs, *self.resolution, self.device)
+        for name, array in values.items():
+            setattr(buffers, name, array)
         hits = self._first_hits.find(self.threads)
         scene, camera = self._upload.record, self._camera_record
         launch_outputs(self.plan.outputs, scene, camera, hits, buffers, self.device, self.threads)

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from .arguments import add_picture_arguments
+
+if TYPE_CHECKING:
+    from ..checks import Finding
+    from ..scene import Scene
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
@@ -15,8 +20,14 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         help="name bad and numerically hard input, prim by prim",
         description=__doc__,
         allow_abbrev=False,
+        conflict_handler="resolve",
     )
     add_picture_arguments(parser)
+    parser.add_argument(
+        "--visibility",
+        action="store_true",
+        help="instead, draw by rays and by the rasterizer and name the prim behind each pixel that differs",
+    )
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     parser.set_defaults(run=run)
 
@@ -30,7 +41,8 @@ def run(args: argparse.Namespace) -> int:
 
     start_warp(args.device)
     Warnings().show(remarks(args))
-    findings = check(open_stage(args).read(times(args)[0]))
+    scene = open_stage(args).read(times(args)[0])
+    findings = _compare(args, scene) if args.visibility else check(scene)
     if args.json:
         import json
         from dataclasses import asdict
@@ -41,3 +53,16 @@ def run(args: argparse.Namespace) -> int:
         print(finding)
     print(f"{args.stage}: {len(findings)} findings" if findings else f"{args.stage}: nothing found")
     return 0
+
+
+def _compare(args: argparse.Namespace, scene: Scene) -> list[Finding]:
+    """What rays and the rasterizer see otherwise in the picture that the flags ask for."""
+    from ..checks import COMPARED, visibility_findings
+    from .request import build_renderer
+
+    pictures = []
+    for visibility in ("rays", "raster"):
+        flags = {**vars(args), "visibility": visibility, "transport": "none", "aov": [COMPARED]}
+        frame = build_renderer(argparse.Namespace(**flags), scene).render()
+        pictures.append({name: frame.numpy(name) for name in COMPARED})
+    return visibility_findings(scene, *pictures)

@@ -7,7 +7,7 @@ from functools import cache
 import warp as wp
 
 from ..camera import camera_ray_function, pixel_cone
-from ..launch import launch
+from ..launch import launch_pixels
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
 from ..outputs import OUTPUTS, OutputBuffers, Seen
@@ -21,7 +21,7 @@ MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
 
 @cache
 def outputs_kernel(key: OutputsKey) -> wp.Kernel:
-    """The kernel for a key; item i is pixel i in rows from the top."""
+    """The kernel for a key, for `launch_pixels`."""
     camera_ray = camera_ray_function(key.camera)
     closest_after = closest_after_function(key.shapes)
     shading_at = shading_function(key.shapes, key.features)
@@ -29,44 +29,48 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     writers = tuple(OUTPUTS[name].write for name in key.outputs)
     count = len(writers)
     straight_through = key.straight_through
+    with_materials = straight_through or any(OUTPUTS[name].of_material for name in key.outputs)
     orthographic = int("orthographic" in key.camera)
 
     @wp.kernel(module="unique", enable_backward=False)
     def outputs(
         first: wp.int32,
+        columns: wp.int32,
         scene: DeviceScene,
         camera: CameraRecord,
         hits: wp.array2d(dtype=Hit),
         buffers: OutputBuffers,
     ):
-        pixel = first + wp.tid()
-        seen = Seen()
-        seen.x = pixel % camera.width
-        seen.y = pixel // camera.width
-        seen.camera = camera
-        seen.orthographic = wp.static(orthographic)
-        seen.ray = camera_ray(camera, wp.float32(seen.x) + 0.5, wp.float32(seen.y) + 0.5, wp.vec2(0.5, 0.5))
+        begin = (first + wp.tid()) * columns
+        y = begin // camera.width
         cone = pixel_cone(camera)
-        hit = hits[seen.y, seen.x]
-        if hit.instance < 0:
-            return
-        seen.surface = shading_at(scene, seen.ray, hit, cone[0] + cone[1] * hit.t)
-        seen.bsdf = prepare(scene, seen.surface)
-        if wp.static(straight_through):
-            clear = wp.int32(0)
-            while seen.bsdf.pass_through >= 1.0 and clear < MOST_CLEAR_SURFACES:
-                hit = closest_after(scene, seen.ray, hit)
-                if hit.instance < 0:
-                    return
+        for x in range(begin - y * camera.width, begin - y * camera.width + columns):
+            hit = hits[y, x]
+            if hit.instance >= 0:
+                seen = Seen()
+                seen.x = x
+                seen.y = y
+                seen.camera = camera
+                seen.orthographic = wp.static(orthographic)
+                seen.ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
                 seen.surface = shading_at(scene, seen.ray, hit, cone[0] + cone[1] * hit.t)
-                seen.bsdf = prepare(scene, seen.surface)
-                clear += 1
-        seen.instance = scene.instances[hit.instance]
-        if scene.geometries[seen.instance.geometry].faces.shape[0] > 0:
-            seen.face = scene.geometries[seen.instance.geometry].faces[hit.face]
-        # Unrolled in the kernel's own body, where a table of functions is safe.
-        for k in range(wp.static(count)):
-            wp.static(writers[k])(buffers, seen)
+                if wp.static(with_materials):
+                    seen.bsdf = prepare(scene, seen.surface)
+                if wp.static(straight_through):
+                    clear = wp.int32(0)
+                    while hit.instance >= 0 and seen.bsdf.pass_through >= 1.0 and clear < MOST_CLEAR_SURFACES:
+                        hit = closest_after(scene, seen.ray, hit)
+                        if hit.instance >= 0:
+                            seen.surface = shading_at(scene, seen.ray, hit, cone[0] + cone[1] * hit.t)
+                            seen.bsdf = prepare(scene, seen.surface)
+                        clear += 1
+                if hit.instance >= 0:
+                    seen.instance = scene.instances[hit.instance]
+                    if scene.geometries[seen.instance.geometry].faces.shape[0] > 0:
+                        seen.face = scene.geometries[seen.instance.geometry].faces[hit.face]
+                    # Unrolled in the kernel's own body, where a table of functions is safe.
+                    for k in range(wp.static(count)):
+                        wp.static(writers[k])(buffers, seen)
 
     return outputs
 
@@ -84,5 +88,5 @@ def launch_outputs(
 
     `hits` (H, W) are the first hits of `visibility.first_hits`.
     """
-    count = camera.width * camera.height
-    launch(outputs_kernel(key), count, [scene, camera, hits, buffers], device, threads)
+    arguments = [scene, camera, hits, buffers]
+    launch_pixels(outputs_kernel(key), camera.width, camera.height, arguments, device, threads)

@@ -10,9 +10,9 @@ import numpy as np
 import warp as wp
 
 from ..camera import camera_ray_function
-from ..launch import launch
+from ..launch import launch_pixels
 from ..records import CameraRecord, DeviceScene, GeometryRecord, Hit
-from .raster import DrawList, Triangles
+from .raster import DrawList, Raster, Triangles
 from .rays import closest, miss
 
 
@@ -29,12 +29,13 @@ class RayHits:
     def __init__(self, scene: DeviceScene, camera: CameraRecord, effects: tuple[str, ...], device: str) -> None:
         """`effects` are the camera's, by name."""
         self._kernel = _ray_kernel(effects)
-        self._arguments = [scene, camera]
+        self._scene, self._camera = scene, camera
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """See `FirstHits`."""
-        launch(self._kernel, self._hits.size, [*self._arguments, self._hits], self._hits.device, threads)
+        arguments = [self._scene, self._camera, self._hits]
+        launch_pixels(self._kernel, self._camera.width, self._camera.height, arguments, self._hits.device, threads)
         return self._hits
 
 
@@ -77,6 +78,7 @@ class RasterHits:
         self._scene, self._camera = scene, camera
         self._draws = DrawList([_triangles(g, device) for g in geometries], instances["geometry"], device)
         self._draws.matrices.assign(to_clip @ placed)
+        self._seen: Raster | None = None
         self._draw = self._draws.paint if painter else self._draws.rasterize
         radius = np.array([g.radius for g in geometries])[instances["geometry"]]
         boxes = sphere_boxes(camera, to_clip, placed[radius > 0], radius[radius > 0])
@@ -89,9 +91,10 @@ class RasterHits:
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """See `FirstHits`."""
-        seen = self._draw(self._camera.width, self._camera.height, threads)
+        self._seen = seen = self._draw(self._camera.width, self._camera.height, threads, into=self._seen)
         arguments = [self._scene, self._camera, self._draws.first_face, seen.face, seen.u, seen.v, self._by_ray]
-        launch(self._kernel, self._hits.size, [*arguments, self._hits], self._hits.device, threads)
+        size = self._camera.width, self._camera.height
+        launch_pixels(self._kernel, *size, [*arguments, self._hits], self._hits.device, threads)
         return self._hits
 
 
@@ -158,12 +161,14 @@ def _ray_kernel(effects: tuple[str, ...]) -> wp.Kernel:
     camera_ray = camera_ray_function(effects)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def ray_hits(first: wp.int32, scene: DeviceScene, camera: CameraRecord, hits: wp.array2d(dtype=Hit)):
-        pixel = first + wp.tid()
-        x = pixel % camera.width
-        y = pixel // camera.width
-        ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
-        hits[y, x] = closest(scene, ray)
+    def ray_hits(
+        first: wp.int32, columns: wp.int32, scene: DeviceScene, camera: CameraRecord, hits: wp.array2d(dtype=Hit)
+    ):
+        begin = (first + wp.tid()) * columns
+        y = begin // camera.width
+        for x in range(begin - y * camera.width, begin - y * camera.width + columns):
+            ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
+            hits[y, x] = closest(scene, ray)
 
     return ray_hits
 
@@ -189,6 +194,7 @@ def _raster_kernel(effects: tuple[str, ...], with_spheres: bool) -> wp.Kernel:
     @wp.kernel(module="unique", enable_backward=False)
     def raster_hits(
         first: wp.int32,
+        columns: wp.int32,
         scene: DeviceScene,
         camera: CameraRecord,
         first_face: wp.array(dtype=wp.int32),
@@ -198,31 +204,35 @@ def _raster_kernel(effects: tuple[str, ...], with_spheres: bool) -> wp.Kernel:
         by_ray: wp.array2d(dtype=wp.uint8),
         hits: wp.array2d(dtype=Hit),
     ):
-        pixel = first + wp.tid()
-        x = pixel % camera.width
-        y = pixel // camera.width
-        ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
-        if wp.static(with_spheres):
-            if by_ray[y, x] != wp.uint8(0):
-                hits[y, x] = closest(scene, ray)
-                return
-        hit = miss()
-        if face[y, x] >= 0:
-            instance = draw_of(first_face, face[y, x])
-            triangle = face[y, x] - first_face[instance]
-            geometry = scene.geometries[scene.instances[instance].geometry]
-            p0 = geometry.points[geometry.indices[3 * triangle]]
-            p1 = geometry.points[geometry.indices[3 * triangle + 1]]
-            p2 = geometry.points[geometry.indices[3 * triangle + 2]]
-            p = p0 + (p1 - p0) * u[y, x] + (p2 - p0) * v[y, x]
-            p = scene.instances[instance].linear * p + scene.instances[instance].translation
-            t = wp.max(wp.dot(p - ray.origin, ray.direction), 0.0)
-            if t < ray.t_max:
-                hit.t = t
-                hit.instance = instance
-                hit.face = triangle
-                hit.u = u[y, x]
-                hit.v = v[y, x]
-        hits[y, x] = hit
+        begin = (first + wp.tid()) * columns
+        y = begin // camera.width
+        for x in range(begin - y * camera.width, begin - y * camera.width + columns):
+            hit = miss()
+            if wp.static(with_spheres):
+                if by_ray[y, x] != wp.uint8(0):
+                    hit = closest(
+                        scene, camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
+                    )
+            if face[y, x] >= 0 and by_ray[y, x] == wp.uint8(0):
+                ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
+                instance = draw_of(first_face, face[y, x])
+                triangle = face[y, x] - first_face[instance]
+                geometry = scene.instances[instance].geometry
+                i = scene.geometries[geometry].indices[3 * triangle]
+                j = scene.geometries[geometry].indices[3 * triangle + 1]
+                k = scene.geometries[geometry].indices[3 * triangle + 2]
+                p0 = scene.geometries[geometry].points[i]
+                p1 = scene.geometries[geometry].points[j]
+                p2 = scene.geometries[geometry].points[k]
+                p = p0 + (p1 - p0) * u[y, x] + (p2 - p0) * v[y, x]
+                p = scene.instances[instance].linear * p + scene.instances[instance].translation
+                t = wp.max(wp.dot(p - ray.origin, ray.direction), 0.0)
+                if t < ray.t_max:
+                    hit.t = t
+                    hit.instance = instance
+                    hit.face = triangle
+                    hit.u = u[y, x]
+                    hit.v = v[y, x]
+            hits[y, x] = hit
 
     return raster_hits

@@ -239,22 +239,27 @@ class DrawList:
         task.first_face, task.matrices = self.first_face, self.matrices
         task.chunks = wp.array(_chunks(faces), dtype=wp.int32, device=self.device)
 
-    def rasterize(self, width: int, height: int, threads: int | None = None, cull: str = "none") -> Raster:
-        """What each pixel centre sees; arguments and errors as of `rasterize`."""
-        seen = self._begin(width, height, cull)
+    def rasterize(
+        self, width: int, height: int, threads: int | None = None, cull: str = "none", into: Raster | None = None
+    ) -> Raster:
+        """What each pixel centre sees; arguments and errors as of `rasterize`.
+
+        `into` is an earlier picture of this size to draw over, for fresh memory costs more than the drawing.
+        """
+        seen = self._begin(width, height, cull, into)
         if self.device.is_cpu:
             self._draw_in_bins(thread_count(threads))
         else:
             self._draw_by_keys()
         return seen
 
-    def paint(self, width: int, height: int, threads: int | None = None) -> Raster:
+    def paint(self, width: int, height: int, threads: int | None = None, into: Raster | None = None) -> Raster:
         """The same by the painter's algorithm: triangles are drawn back to front, each over those before it.
 
         They are sorted by the depth of the mean of their clip positions, so triangles that overlap in a cycle, pass
         through each other, or are long, come out wrong; `rasterize` gets them right.
         """
-        seen, task = self._begin(width, height, "none"), self._task
+        seen, task = self._begin(width, height, "none", into), self._task
         self._prepare_keys()
         sort_depth = wp.empty(self._face_count, wp.float32, device=self.device)
         measure, paint_bands = _painter_kernels()
@@ -267,7 +272,7 @@ class DrawList:
         launch(_keyed_kernels()[2], task.width * task.height, [task], self.device, threads)
         return seen
 
-    def _begin(self, width: int, height: int, cull: str) -> Raster:
+    def _begin(self, width: int, height: int, cull: str, into: Raster | None) -> Raster:
         for name, size in (("width", width), ("height", height)):
             if size != int(size) or not 1 <= size <= LARGEST_SIDE:
                 raise ValueError(f"{name} must be 1…{LARGEST_SIDE} pixels, not {size}")
@@ -275,7 +280,7 @@ class DrawList:
             raise ValueError(f"cull {cull!r} is not one of {', '.join(_CULL)}")
         task = self._task
         task.width, task.height, task.cull = int(width), int(height), _CULL[cull]
-        seen = _new_picture(task.width, task.height, self.device)
+        seen = into or _new_picture(task.width, task.height, self.device)
         task.face, task.u, task.v, task.depth = seen
         return seen
 
