@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+import warprender as wr
 from warprender import images
 from warprender.frame import Frame
 
@@ -69,3 +70,14 @@ def test_repr_is_one_line(frame):
     assert repr(frame) == "Frame(6x4: color, cameraDepth, normal, primId; 16 samples)"
     frame.stats["interrupted"] = True
     assert repr(frame).endswith("16 samples; interrupted)")
+
+
+def test_a_render_says_in_its_receipt_how_to_repeat_it():
+    scene = wr.Scene()
+    scene.add_sphere("/ball")
+    renderer = wr.Renderer(scene, resolution=(4, 3), outputs="cameraDepth", filter="gaussian", sampler="independent")
+    receipt = json.loads(json.dumps(renderer.render(seed=7).receipt))
+    assert receipt["request"]["filter"] == "gaussian" and receipt["request"]["sampler"] == "independent"
+    assert receipt["resolution"] == [4, 3] and receipt["seed"] == 7
+    assert receipt["camera"]["focalLength"] == renderer.camera.focalLength
+    np.testing.assert_array_equal(receipt["camera"]["transform"], renderer.camera.transform)

@@ -80,6 +80,10 @@ class Request:
     dome_light_visible: bool = False
     lights_visible: bool = False
     energy_compensation: bool = False
+    camera_light: str = "auto"
+    filter: str = "box"
+    sampler: str = "sobol"
+    texture_bytes: int = 0
 
 
 @dataclass

@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import platform
 from dataclasses import asdict
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from .camera import Camera
 from .plan import RenderPlan, Request
 from .scene import Scene
 
@@ -18,6 +20,7 @@ def make_receipt(
     scene: Scene,
     plan: RenderPlan,
     request: Request,
+    camera: Camera,
     resolution: tuple[int, int],
     samples: int,
     seed: int,
@@ -31,10 +34,11 @@ def make_receipt(
         "samples": samples,
         "seed": seed,
         "request": asdict(request),
+        "camera": {**asdict(camera), "transform": camera.transform.tolist()},
         "plan": plan.as_dict(),
         "device": device,
         "machine": platform.machine(),
-        "versions": {name: _version(name) for name in _PACKAGES},
+        "versions": _versions(),
     }
 
 
@@ -43,7 +47,19 @@ def stage_hash(source: str) -> str:
     path = Path(source)
     if not source or not path.is_file():
         return ""
+    status = path.stat()
+    return _file_hash(path, status.st_mtime_ns, status.st_size)
+
+
+@cache
+def _file_hash(path: Path, modified: int, size: int) -> str:
+    """Read once for all frames: the time and size stand for the contents."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@cache
+def _versions() -> dict[str, str]:
+    return {name: _version(name) for name in _PACKAGES}
 
 
 def _version(package: str) -> str:

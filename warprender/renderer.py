@@ -102,7 +102,17 @@ class Renderer:
             raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
         outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         self.request = Request(
-            outputs, visibility, transport, bounces, dome_light_visible, lights_visible, energy_compensation
+            outputs,
+            visibility,
+            transport,
+            bounces,
+            dome_light_visible,
+            lights_visible,
+            energy_compensation,
+            camera_light,
+            filter,
+            sampler,
+            texture_bytes,
         )
         with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = analyse(
@@ -254,7 +264,9 @@ class Renderer:
         stats["plan"] = self.plan.as_dict()
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
-        receipt = make_receipt(self.scene, self.plan, self.request, self.resolution, samples, seed, self.device)
+        receipt = make_receipt(
+            self.scene, self.plan, self.request, self.camera, self.resolution, samples, seed, self.device
+        )
         return Frame(ordered, stats, receipt)
 
 
