@@ -11,14 +11,14 @@ from warprender.records import DeviceScene, Hit, Ray
 from warprender.sampling import cosine_hemisphere
 from warprender.shapes.surface import surface_function
 from warprender.upload import Upload
-from warprender.visibility.rays import closest_function
+from warprender.visibility.rays import closest
 
 SHAPES = ("Mesh", "Sphere")
 N = 1 << 16
 
 
 def kernel():
-    closest, surface_at = closest_function(SHAPES), surface_function(SHAPES)
+    surface_at = surface_function(SHAPES)
 
     @wp.kernel(module="unique", enable_backward=False)
     def bounce(

@@ -30,7 +30,7 @@ from ..records import (
     Surface,
 )
 from ..sampling import DIMENSION_LIGHT, DIMENSION_LIGHT_CHOICE, SampleStream, power_heuristic, random_pair
-from ..visibility.rays import closest_after_function, closest_function, occluded_function
+from ..visibility.rays import closest, closest_after, occluded
 
 #: Surfaces that a ray goes straight through, at most.
 MOST_PASSES = wp.constant(wp.int32(1024))
@@ -132,9 +132,6 @@ def shadow_function(key: PathKey) -> wp.Function:
 
     `footprint` is the width that the ray stands for.
     """
-    occluded = occluded_function(key.shapes)
-    closest = closest_function(key.shapes)
-    closest_after = closest_after_function(key.shapes)
     shading_at = shading_function(key.shapes, key.features)
     prepare, _, _ = material_functions(key.materials, key.features)
     straight_through = key.straight_through

@@ -13,7 +13,7 @@ from ..materials.normal_map import shading_function
 from ..outputs import OUTPUTS, OutputBuffers, Seen
 from ..plan import OutputsKey
 from ..records import CameraRecord, DeviceScene, Hit
-from ..visibility.rays import closest_after_function
+from ..visibility.rays import closest_after
 
 #: Surfaces that are wholly clear are looked through, this many at most.
 MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
@@ -23,7 +23,6 @@ MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
 def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     """The kernel for a key, for `launch_pixels`."""
     camera_ray = camera_ray_function(key.camera)
-    closest_after = closest_after_function(key.shapes)
     shading_at = shading_function(key.shapes, key.features)
     prepare, _, _ = material_functions(key.materials, key.features)
     writers = tuple(OUTPUTS[name].write for name in key.outputs)

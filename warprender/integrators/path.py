@@ -27,7 +27,7 @@ from ..sampling import (
     random_pair,
     sample_stream,
 )
-from ..visibility.rays import closest_after_function, closest_function
+from ..visibility.rays import closest, closest_after
 from .lighting import MOST_PASSES, Departure, Visible, aimed_function, glow_function, met_function
 
 #: Reflections before Russian roulette may end a path.
@@ -74,8 +74,6 @@ def radiance_function(key: PathKey) -> wp.Function:
 
     `cone` is the width of what the ray stands for at its origin, and how fast it grows.
     """
-    closest = closest_function(key.shapes)
-    closest_after = closest_after_function(key.shapes)
     shading_at = shading_function(key.shapes, key.features)
     prepare, _, sample_bsdf = material_functions(key.materials, key.features)
     met = met_function(key)

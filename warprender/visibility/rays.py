@@ -60,21 +60,6 @@ def scene_occluded(world: World, ray: Ray) -> bool:
     return _scene_occluded(world, ray.origin, ray.direction, ray.t_max)
 
 
-def closest_function(shapes: tuple[str, ...]) -> wp.Function:
-    """`closest(scene, ray) -> Hit`."""
-    return closest
-
-
-def closest_after_function(shapes: tuple[str, ...]) -> wp.Function:
-    """`closest_after(scene, ray, hit) -> Hit`."""
-    return closest_after
-
-
-def occluded_function(shapes: tuple[str, ...]) -> wp.Function:
-    """`occluded(scene, ray) -> bool`."""
-    return occluded
-
-
 @wp.func
 def closest(scene: DeviceScene, ray: Ray) -> Hit:
     """What the ray meets first; see `scene_closest`."""
