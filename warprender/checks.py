@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import warp as wp
 
 from .emitters import lit
 from .scene import Placement, Scene
@@ -93,7 +92,7 @@ def _seen(scene: Scene, pixel: dict[str, float]) -> str:
 
 
 def _mesh_findings(path: str, mesh: Mesh) -> Iterator[Finding]:
-    points = mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points)
+    points = mesh.host_points()
     triangles = mesh.triangles
     finite = np.isfinite(points).all(1)
     broken = ~finite[triangles].all(1)

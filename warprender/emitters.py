@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import warp as wp
 
 from .lights import CameraLight, DomeLight, GlowingSphere, Light, MeshLight
 from .scene import Placement, Scene, materials_of
@@ -55,13 +54,8 @@ def object_area(shape: Mesh | Sphere) -> float:
     """Area in object space."""
     if isinstance(shape, Sphere):
         return 4 * np.pi * shape.radius**2
-    area = triangle_areas(points_of(shape).astype(np.float64), shape.triangles)
+    area = triangle_areas(shape.host_points().astype(np.float64), shape.triangles)
     return float(area[np.isfinite(area)].sum())
-
-
-def points_of(mesh: Mesh) -> np.ndarray:
-    """(N, 3) points on the host."""
-    return mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points)
 
 
 def triangle_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -88,7 +88,7 @@ def _bounds(placement: Placement) -> np.ndarray | None:
     """World box of one placement: its object box, transformed by each copy's matrix (Arvo 1990)."""
     shape = placement.shape
     if isinstance(shape, Mesh):
-        points = shape.points if isinstance(shape.points, np.ndarray) else shape.points.numpy()
+        points = shape.host_points()
         used = points[np.unique(shape.triangles)]
         if not len(used):
             return None

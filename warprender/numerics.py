@@ -82,21 +82,6 @@ def from_frame(tangent: wp.vec3, n: wp.vec3, v: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def next_float(x: float, direction: float) -> float:
-    """The float32 next to x towards +infinity (direction > 0) or -infinity (direction < 0)."""
-    if direction == 0.0 or not wp.isfinite(x):
-        return x
-    if x == 0.0:
-        return wp.sign(direction) * 1.401298464324817e-45
-    bits = wp.cast(x, wp.int32)
-    if (direction > 0.0) == (x > 0.0):
-        bits = bits + 1
-    else:
-        bits = bits - 1
-    return wp.cast(bits, wp.float32)
-
-
-@wp.func
 def next_up(x: wp.float32) -> wp.float32:
     """The smallest float32 above a finite x."""
     bits = wp.cast(x, wp.int32)

@@ -246,14 +246,10 @@ def _effects(plan: RenderPlan, family: str, kinds: set[str], callers: dict[str, 
     return tuple(sorted(callers))
 
 
-def _first(callers: dict[str, str], kind: str, path: str) -> None:
-    callers.setdefault(kind, path)
-
-
 def _shape_callers(scene: Scene) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, placement in scene.placements.items():
-        _first(callers, type(placement.shape).__name__, path)
+        callers.setdefault(type(placement.shape).__name__, path)
     return callers
 
 
@@ -261,7 +257,7 @@ def _material_callers(scene: Scene) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, placement in scene.placements.items():
         for key in materials_of(placement):
-            _first(callers, type(scene.materials[key]).__name__, path)
+            callers.setdefault(type(scene.materials[key]).__name__, path)
     return callers
 
 
@@ -276,7 +272,7 @@ def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tupl
             for number, (name, source) in material.varying().items():
                 reads = "texture" if isinstance(source, Texture) else "primvar"
                 features.add(reads)
-                _first(uses, f"{reads} {name}", path)
+                uses.setdefault(f"{reads} {name}", path)
                 if number == NORMAL:
                     features.add("normal map")
             if material.is_cut_out():
@@ -293,7 +289,7 @@ def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tupl
 def _light_callers(lights: dict[str, Light]) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, light in lights.items():
-        _first(callers, light.kind(), path)
+        callers.setdefault(light.kind(), path)
     return callers
 
 
@@ -301,7 +297,7 @@ def _light_effects(plan: RenderPlan, lights: dict[str, Light]) -> tuple[str, ...
     callers: dict[str, str] = {}
     for path, light in lights.items():
         for effect in light.effects():
-            _first(callers, effect, path)
+            callers.setdefault(effect, path)
     for effect, caller in LIGHT_EFFECTS.items():
         _note(plan, f"light {effect}", callers.get(effect, ""), caller)
     return tuple(sorted(callers))

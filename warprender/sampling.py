@@ -13,7 +13,6 @@ from .numerics import INV_PI, PI
 #: Dimensions of a camera sample (bounce -1) and of each bounce. Each is a pair of numbers.
 DIMENSION_PIXEL = wp.constant(wp.int32(0))
 DIMENSION_LENS = wp.constant(wp.int32(1))
-DIMENSION_TIME = wp.constant(wp.int32(2))
 DIMENSION_BSDF = wp.constant(wp.int32(0))
 DIMENSION_LOBE = wp.constant(wp.int32(1))
 DIMENSION_LIGHT = wp.constant(wp.int32(2))

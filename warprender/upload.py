@@ -88,14 +88,13 @@ class Upload:
         self.record.primvar_count = slots
         used = [any(p.interpolation >= 0 for p in self._primvars[k::slots]) for k in range(2)]
         self.record.display_color, self.record.display_opacity = (k if used[k] else -1 for k in range(2))
-        self._build_world(rows)
+        self._build_world(table)
         return Placed(table, self._shapes, self._drawn, box, self.bounds, self.origin)
 
-    def _build_world(self, rows: list[np.ndarray]) -> None:
+    def _build_world(self, table: np.ndarray) -> None:
         """The trees that rays walk, over instances in the order of their records."""
-        if not rows:
+        if not len(table):
             return
-        table = np.concatenate(rows)
         placed = np.concatenate([table["linear"], table["translation"][:, :, None]], 2)
         world = WorldTree(self._trees, table["geometry"], placed, self.device)
         self._kept.append(world)
@@ -146,7 +145,7 @@ class Upload:
                 self._shapes[known[key]] = shape
                 record.kind = SHAPES.index(type(shape))
                 self.geometries.append(record)
-                keep = _drawable_triangles(shape) if isinstance(shape, Mesh) else np.zeros(0, bool)
+                keep = self._drawn.get(known[key], np.zeros(0, bool))
                 self._primvars += [self._primvar(shape, keep, slot) for slot in self._tables.slots]
         return known[key]
 
@@ -158,7 +157,7 @@ class Upload:
                 return absent_primvar()
             corners = shape.corners[keep] if isinstance(shape, Mesh) else np.zeros((0, 3), np.int32)
             return primvar.upload(corners, self.device)
-        found = slot.of(shape, _host_points(shape)) if isinstance(shape, Mesh) else None
+        found = slot.of(shape, shape.host_points()) if isinstance(shape, Mesh) else None
         if found is None:
             return absent_primvar()
         tangents, rows = found
@@ -179,7 +178,7 @@ class Upload:
         return record
 
     def _upload_mesh(self, path: str, mesh: Mesh, material: str) -> GeometryRecord | None:
-        points, keep = _host_points(mesh), _drawable_triangles(mesh)
+        points, keep = mesh.host_points(), _drawable_triangles(mesh)
         if not keep.all():
             self.warnings.append(f"{path}: {int((~keep).sum())} triangles with non-finite points are not drawn")
         if not keep.any():
@@ -238,14 +237,9 @@ def _inverses(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return inverses, condition
 
 
-def _host_points(mesh: Mesh) -> np.ndarray:
-    """(N, 3) float32."""
-    return mesh.points.numpy() if isinstance(mesh.points, wp.array) else np.asarray(mesh.points, np.float32)
-
-
 def _drawable_triangles(mesh: Mesh) -> np.ndarray:
     """(T,) bool: triangles whose indices are in range and whose points are finite."""
-    points, triangles = _host_points(mesh), mesh.triangles
+    points, triangles = mesh.host_points(), mesh.triangles
     in_range = ((triangles >= 0) & (triangles < len(points))).all(1)
     finite = np.isfinite(points).all(1)
     keep = in_range.copy()

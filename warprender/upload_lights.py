@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from .emitters import emits, points_of, triangle_areas
+from .emitters import emits, triangle_areas
 from .lights import DomeLight, Light, MeshLight
 from .lights.dispatch import kind_of
 from .lights.linking import LinkSets
@@ -155,7 +155,7 @@ class LightUpload:
         """Table of the triangles of an instance that emit, by their world areas; returns the area of all."""
         geometry = int(placed["geometry"])
         mesh, kept = self._placed.shapes[geometry], self._placed.kept[geometry]
-        areas = triangle_areas(points_of(mesh).astype(np.float64) @ linear.T, mesh.triangles[kept])
+        areas = triangle_areas(mesh.host_points().astype(np.float64) @ linear.T, mesh.triangles[kept])
         if light.materialSyncMode == "materialGlowTintsLight":
             areas = np.where(self._emitting(self._scene.placements[light.prim], mesh)[mesh.faces[kept]], areas, 0.0)
         chosen = np.flatnonzero(areas > 0)

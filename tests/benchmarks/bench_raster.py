@@ -13,6 +13,7 @@ import time
 
 import numpy as np
 import warp as wp
+from bumpy_balls import bumpy
 
 import warprender as wr
 from warprender.launch import launch
@@ -22,37 +23,10 @@ SIDES = {"1k": 9, "100k": 91, "1m": 289}
 WIDTH, HEIGHT = 1280, 720
 
 
-def cube_sphere(n):
-    """Unit directions (N, 3) and triangles (12 n², 3) of a cube with n × n quads a face, made round."""
-    step = np.arange(n + 1)
-    a, b = (g.ravel() for g in np.meshgrid(step, step, indexing="ij"))
-    corner = (step[:-1, None] * (n + 1) + step[None, :-1]).ravel()
-    quads = np.concatenate(
-        [np.stack([corner, corner + n + 1, corner + n + 2], 1), np.stack([corner, corner + n + 2, corner + 1], 1)]
-    )
-    points, triangles = [], []
-    for axis in range(3):
-        for side in (0, n):
-            lattice = np.empty((a.size, 3), np.int64)
-            lattice[:, axis], lattice[:, (axis + 1) % 3], lattice[:, (axis + 2) % 3] = side, a, b
-            triangles.append((quads if side else quads[:, ::-1]) + len(points) * a.size)
-            points.append(lattice)
-    lattice, merged = np.unique(np.concatenate(points), axis=0, return_inverse=True)
-    x = np.tan((lattice / n * 2 - 1) * (np.pi / 4))
-    return x / np.linalg.norm(x, axis=1, keepdims=True), merged.reshape(-1)[np.concatenate(triangles)]
-
-
-def knob(n, amplitude=0.25, octaves=5, waves=6, seed=1):
+def knob(n):
     """A ball with seeded bumps: points (N, 3) float32 and triangles (12 n², 3) int32."""
-    directions, triangles = cube_sphere(n)
-    random = np.random.default_rng(seed)
-    height = np.zeros(len(directions))
-    for octave in range(octaves):
-        for _ in range(waves):
-            k = random.normal(size=3)
-            k *= 3.0 * 2.0**octave / np.linalg.norm(k)
-            height += 0.5**octave / waves * np.sin(directions @ k + random.uniform(0, 2 * np.pi))
-    return (directions * (1 + amplitude * height)[:, None]).astype(np.float32), triangles.astype(np.int32)
+    points, triangles = bumpy(n, 1.0, 0.25, 1)
+    return points.astype(np.float32), triangles.astype(np.int32)
 
 
 def view_projection():

@@ -17,7 +17,7 @@ from ..lights.mesh import density_at, emitted
 from ..lights.shadow import shadow_strength
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
-from ..numerics import GAMMA_7, INFINITY, max_component, offset_origin, to_frame
+from ..numerics import GAMMA_7, INFINITY, max_component, offset_origin, spawn_between, to_frame
 from ..plan import PathKey
 from ..records import (
     SHADOW_NONE,
@@ -98,11 +98,16 @@ def shadow_ray(surface: Surface, light: LightSample) -> Ray:
 @wp.func
 def ray_between(surface: Surface, other: Surface) -> Ray:
     """From one surface to another, clear of both by their error bounds; of zero length where they touch."""
+    origin, way = spawn_between(
+        surface.position,
+        surface.error,
+        surface.geometric_normal,
+        other.position,
+        other.error,
+        other.geometric_normal,
+    )
     ray = Ray()
-    towards = other.position - surface.position
-    ray.origin = offset_origin(surface.position, surface.error, surface.geometric_normal, towards)
-    target = offset_origin(other.position, other.error, other.geometric_normal, -towards)
-    way = target - ray.origin
+    ray.origin = origin
     distance = wp.length(way)
     if distance > 0.0:
         ray.direction = way / distance

@@ -39,6 +39,10 @@ class Mesh:
     face_materials: dict[str, np.ndarray] = field(default_factory=dict)
     double_sided: bool = False
 
+    def host_points(self) -> np.ndarray:
+        """(N, 3) float32 points on the host."""
+        return self.points.numpy() if isinstance(self.points, wp.array) else np.asarray(self.points, np.float32)
+
     @classmethod
     def from_polygons(
         cls,
