@@ -83,11 +83,43 @@ def scene_functions(prefix: str = ""):
     return closest, occluded
 
 
+@wp.struct
+class WideTree:
+    """One mesh's tree: addresses of its nodes and blocks, whether it stays in a core's own cache, and its scale."""
+
+    nodes: wp.uint64
+    blocks: wp.uint64
+    cached: wp.bool
+    scale: wp.float32
+
+
+@wp.struct
+class RayBatch:
+    """Rays in arrays (N,). `t_max`, and `t_after` with `face_after`, have one entry for all rays or one for each."""
+
+    origins: wp.array(dtype=wp.vec3)
+    directions: wp.array(dtype=wp.vec3)
+    t_max: wp.array(dtype=wp.float32)
+    t_after: wp.array(dtype=wp.float32)
+    face_after: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class HitBatch:
+    """Where the closest hits of a `RayBatch` go, arrays (N,)."""
+
+    t: wp.array(dtype=wp.float32)
+    face: wp.array(dtype=wp.int32)
+    u: wp.array(dtype=wp.float32)
+    v: wp.array(dtype=wp.float32)
+
+
 _BATCH = (
     _TRAVERSAL
     + """
-    Batch batch = { (const Wide::Node*)(nodes), (const Wide::Block*)(blocks), cached, scale, origins.data,
-        directions.data, t_max, t_after, face_after, nullptr, nullptr, nullptr, nullptr, nullptr };
+    Batch batch = { (const Wide::Node*)(tree.nodes), (const Wide::Block*)(tree.blocks), tree.cached, tree.scale,
+        rays.origins.data, rays.directions.data, rays.t_max, rays.t_after, rays.face_after, nullptr, nullptr, nullptr,
+        nullptr, nullptr };
 """
 )
 
@@ -95,49 +127,20 @@ _BATCH = (
 @wp.func_native(
     _BATCH
     + """
-    batch.t = t.data;
-    batch.face = face.data;
-    batch.u = u.data;
-    batch.v = v.data;
+    batch.t = hits.t.data;
+    batch.face = hits.face.data;
+    batch.u = hits.u.data;
+    batch.v = hits.v.data;
     Group::run(batch, first, end);
 """
 )
-def closest_batch(
-    nodes: wp.uint64,
-    blocks: wp.uint64,
-    cached: wp.bool,
-    scale: wp.float32,
-    origins: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    t_max: wp.array(dtype=wp.float32),
-    t_after: wp.array(dtype=wp.float32),
-    face_after: wp.array(dtype=wp.int32),
-    first: wp.int32,
-    end: wp.int32,
-    t: wp.array(dtype=wp.float32),
-    face: wp.array(dtype=wp.int32),
-    u: wp.array(dtype=wp.float32),
-    v: wp.array(dtype=wp.float32),
-):
+def closest_batch(tree: WideTree, rays: RayBatch, first: wp.int32, end: wp.int32, hits: HitBatch):
     """Closest hits of rays [first, end) with one tree (CPU)."""
     ...
 
 
 @wp.func_native(_BATCH + "batch.occluded = occluded.data; Group::run(batch, first, end);")
-def occluded_batch(
-    nodes: wp.uint64,
-    blocks: wp.uint64,
-    cached: wp.bool,
-    scale: wp.float32,
-    origins: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    t_max: wp.array(dtype=wp.float32),
-    t_after: wp.array(dtype=wp.float32),
-    face_after: wp.array(dtype=wp.int32),
-    first: wp.int32,
-    end: wp.int32,
-    occluded: wp.array(dtype=wp.bool),
-):
+def occluded_batch(tree: WideTree, rays: RayBatch, first: wp.int32, end: wp.int32, occluded: wp.array(dtype=wp.bool)):
     """Whether rays [first, end) hit anything in one tree (CPU)."""
     ...
 

@@ -14,6 +14,7 @@ from ..launch import launch
 from ..numerics import GAMMA_7, max_component
 from ..records import DeviceScene, Hit, Ray, World
 from . import native
+from .native import HitBatch, RayBatch, WideTree
 from .trees import MeshTree, WorldTree
 
 Hits = namedtuple("Hits", ("t", "face", "u", "v"))
@@ -165,12 +166,12 @@ class RayCaster:
         Raises:
             ValueError: Shapes that do not match, or ``after`` with ``accuracy="fast"``.
         """
-        rays = self._rays(origins, directions, t_max)
-        count = len(rays[0])
+        rays = self._rays(origins, directions, t_max, after)
+        count = len(rays.origins)
         hits = Hits(*(wp.empty(count, dtype=d, device=self.device) for d in (float, wp.int32, float, float)))
         if after is not None and self.accuracy == "fast":
             raise ValueError('after needs accuracy="watertight"')
-        self._launch(_CLOSEST, rays + self._after(after, count), hits)
+        self._launch(_CLOSEST, rays, hits)
         return hits
 
     def occluded(
@@ -193,8 +194,8 @@ class RayCaster:
             ValueError: Shapes that do not match.
         """
         rays = self._rays(origins, directions, t_max)
-        out = wp.empty(len(rays[0]), dtype=wp.bool, device=self.device)
-        self._launch(_OCCLUDED, rays + self._after(None, 1), [out])
+        out = wp.empty(len(rays.origins), dtype=wp.bool, device=self.device)
+        self._launch(_OCCLUDED, rays, out)
         return out
 
     def refit(self) -> None:
@@ -214,36 +215,42 @@ class RayCaster:
         if self.accuracy == "watertight" and not self.device.is_cpu:
             self._world = WorldTree([self._tree], [0], np.eye(4)[None], self.device)
 
-    def _rays(self, origins, directions, t_max):
+    def _rays(self, origins, directions, t_max, after=None):
         origins = _vectors(origins, "origins", self.device)
         directions = _vectors(directions, "directions", self.device)
         if len(origins) != len(directions):
             raise ValueError(f"{len(origins)} origins, but {len(directions)} directions")
-        return [origins, directions, _per_ray(t_max, "t_max", wp.float32, len(origins), self.device)]
-
-    def _after(self, after, count):
-        t, face = (-1.0, -1) if after is None else (after.t, after.face)
-        return [
-            _per_ray(t, "after.t", wp.float32, count, self.device),
-            _per_ray(face, "after.face", wp.int32, count, self.device),
-        ]
+        count, (t, face) = len(origins), (-1.0, -1) if after is None else (after.t, after.face)
+        rays = RayBatch()
+        rays.origins, rays.directions = origins, directions
+        rays.t_max = _per_ray(t_max, "t_max", wp.float32, count, self.device)
+        rays.t_after = _per_ray(t, "after.t", wp.float32, count, self.device)
+        rays.face_after = _per_ray(face, "after.face", wp.int32, count, self.device)
+        return rays
 
     def _launch(self, kernels, rays, outputs):
-        count = len(rays[0])
-        if self.accuracy == "fast":
-            if self._tree.mesh is None:
-                _fill_misses(outputs)
-            else:
-                inputs = [self._tree.mesh.id, self._tree.scale, *rays[:3]]
-                launch(kernels.fast, count, [*inputs, *outputs], self.device, self.threads)
-        elif not self.device.is_cpu:
-            launch(kernels.cuda, count, [self._world.world, *rays, *outputs], self.device)
-        elif (record := self._tree.geometry()).nodes == 0:
-            _fill_misses(outputs)
-        else:
+        count, record = len(rays.origins), self._tree.geometry()
+        results = _hit_batch(outputs) if isinstance(outputs, Hits) else outputs
+        if self.accuracy == "fast" and self._tree.mesh is not None:
+            arguments = [self._tree.mesh.id, self._tree.scale, rays, results]
+            launch(kernels.fast, count, arguments, self.device, self.threads)
+        elif self.accuracy == "watertight" and not self.device.is_cpu:
+            launch(kernels.cuda, count, [self._world.world, rays, results], self.device)
+        elif self.accuracy == "watertight" and record.nodes != 0:
+            tree = WideTree()
+            tree.nodes, tree.blocks = record.nodes, record.blocks
+            tree.cached, tree.scale = self._tree.cached, self._tree.scale
             items = -(-count // native.RAYS_PER_ITEM)
-            inputs = [count, record.nodes, record.blocks, self._tree.cached, self._tree.scale, *rays]
-            launch(kernels.wide, items, [*inputs, *outputs], self.device, self.threads, smallest_chunk=4)
+            launch(kernels.wide, items, [count, tree, rays, results], self.device, self.threads, smallest_chunk=4)
+        else:
+            _fill_misses(outputs)
+
+
+def _hit_batch(hits):
+    """The kernels' view of the arrays of `Hits`."""
+    batch = HitBatch()
+    batch.t, batch.face, batch.u, batch.v = hits
+    return batch
 
 
 # ---------------------------------------------------------------- arguments
@@ -298,75 +305,30 @@ def _per_ray(values, name, dtype, count, device):
 
 
 def _fill_misses(outputs):
-    for out in outputs:
-        out.zero_()
-    if isinstance(outputs, Hits):
-        outputs.t.fill_(np.inf)
-        outputs.face.fill_(-1)
+    if not isinstance(outputs, Hits):
+        outputs.zero_()
+        return
+    outputs.t.fill_(np.inf)
+    outputs.face.fill_(-1)
+    outputs.u.zero_()
+    outputs.v.zero_()
 
 
 # ---------------------------------------------------------------- kernels
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def _closest_wide(
-    first: wp.int32,
-    count: wp.int32,
-    nodes: wp.uint64,
-    blocks: wp.uint64,
-    cached: wp.bool,
-    scale: wp.float32,
-    origins: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    t_max: wp.array(dtype=wp.float32),
-    t_after: wp.array(dtype=wp.float32),
-    face_after: wp.array(dtype=wp.int32),
-    t: wp.array(dtype=wp.float32),
-    face: wp.array(dtype=wp.int32),
-    u: wp.array(dtype=wp.float32),
-    v: wp.array(dtype=wp.float32),
-):
+def _closest_wide(first: wp.int32, count: wp.int32, tree: WideTree, rays: RayBatch, hits: HitBatch):
     begin = (first + wp.tid()) * wp.static(native.RAYS_PER_ITEM)
     end = wp.min(begin + wp.static(native.RAYS_PER_ITEM), count)
-    native.closest_batch(
-        nodes,
-        blocks,
-        cached,
-        scale,
-        origins,
-        directions,
-        t_max,
-        t_after,
-        face_after,
-        begin,
-        end,
-        t,
-        face,
-        u,
-        v,
-    )
+    native.closest_batch(tree, rays, begin, end, hits)
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def _occluded_wide(
-    first: wp.int32,
-    count: wp.int32,
-    nodes: wp.uint64,
-    blocks: wp.uint64,
-    cached: wp.bool,
-    scale: wp.float32,
-    origins: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    t_max: wp.array(dtype=wp.float32),
-    t_after: wp.array(dtype=wp.float32),
-    face_after: wp.array(dtype=wp.int32),
-    occluded: wp.array(dtype=wp.bool),
-):
+def _occluded_wide(first: wp.int32, count: wp.int32, tree: WideTree, rays: RayBatch, occluded: wp.array(dtype=wp.bool)):
     begin = (first + wp.tid()) * wp.static(native.RAYS_PER_ITEM)
     end = wp.min(begin + wp.static(native.RAYS_PER_ITEM), count)
-    native.occluded_batch(
-        nodes, blocks, cached, scale, origins, directions, t_max, t_after, face_after, begin, end, occluded
-    )
+    native.occluded_batch(tree, rays, begin, end, occluded)
 
 
 @wp.func
@@ -377,84 +339,48 @@ def _own(values: wp.array(dtype=wp.float32), i: wp.int32) -> wp.float32:
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def _closest_cuda(
-    first: wp.int32,
-    world: World,
-    origins: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    t_max: wp.array(dtype=wp.float32),
-    t_after: wp.array(dtype=wp.float32),
-    face_after: wp.array(dtype=wp.int32),
-    t: wp.array(dtype=wp.float32),
-    face: wp.array(dtype=wp.int32),
-    u: wp.array(dtype=wp.float32),
-    v: wp.array(dtype=wp.float32),
-):
+def _closest_cuda(first: wp.int32, world: World, rays: RayBatch, hits: HitBatch):
     i = first + wp.tid()
     after = Hit()
-    after.t = _own(t_after, i)
-    after.face = face_after[wp.min(i, face_after.shape[0] - 1)]
-    hit = scene_closest_after(world, Ray(origins[i], directions[i], _own(t_max, i)), after)
-    t[i] = hit.t
-    face[i] = hit.face
-    u[i] = hit.u
-    v[i] = hit.v
+    after.t = _own(rays.t_after, i)
+    after.face = rays.face_after[wp.min(i, rays.face_after.shape[0] - 1)]
+    hit = scene_closest_after(world, Ray(rays.origins[i], rays.directions[i], _own(rays.t_max, i)), after)
+    hits.t[i] = hit.t
+    hits.face[i] = hit.face
+    hits.u[i] = hit.u
+    hits.v[i] = hit.v
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def _occluded_cuda(
-    first: wp.int32,
-    world: World,
-    origins: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    t_max: wp.array(dtype=wp.float32),
-    t_after: wp.array(dtype=wp.float32),
-    face_after: wp.array(dtype=wp.int32),
-    occluded: wp.array(dtype=wp.bool),
-):
+def _occluded_cuda(first: wp.int32, world: World, rays: RayBatch, occluded: wp.array(dtype=wp.bool)):
     i = first + wp.tid()
-    occluded[i] = scene_occluded(world, Ray(origins[i], directions[i], _own(t_max, i)))
+    occluded[i] = scene_occluded(world, Ray(rays.origins[i], rays.directions[i], _own(rays.t_max, i)))
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def _closest_fast(
-    first: wp.int32,
-    mesh: wp.uint64,
-    scale: wp.float32,
-    origins: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    t_max: wp.array(dtype=wp.float32),
-    t: wp.array(dtype=wp.float32),
-    face: wp.array(dtype=wp.int32),
-    u: wp.array(dtype=wp.float32),
-    v: wp.array(dtype=wp.float32),
-):
+def _closest_fast(first: wp.int32, mesh: wp.uint64, scale: wp.float32, rays: RayBatch, hits: HitBatch):
     i = first + wp.tid()
-    t[i] = wp.inf
-    face[i] = -1
-    u[i] = 0.0
-    v[i] = 0.0
-    query = wp.mesh_query_ray(mesh, origins[i] * scale, directions[i] * scale, _own(t_max, i))
+    hits.t[i] = wp.inf
+    hits.face[i] = -1
+    hits.u[i] = 0.0
+    hits.v[i] = 0.0
+    query = wp.mesh_query_ray(mesh, rays.origins[i] * scale, rays.directions[i] * scale, _own(rays.t_max, i))
     if query.result:
-        t[i] = query.t
-        face[i] = query.face
+        hits.t[i] = query.t
+        hits.face[i] = query.face
         # Warp's u and v weigh vertices 0 and 1
-        u[i] = query.v
-        v[i] = 1.0 - query.u - query.v
+        hits.u[i] = query.v
+        hits.v[i] = 1.0 - query.u - query.v
 
 
 @wp.kernel(enable_backward=False, module="unique")
 def _occluded_fast(
-    first: wp.int32,
-    mesh: wp.uint64,
-    scale: wp.float32,
-    origins: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    t_max: wp.array(dtype=wp.float32),
-    occluded: wp.array(dtype=wp.bool),
+    first: wp.int32, mesh: wp.uint64, scale: wp.float32, rays: RayBatch, occluded: wp.array(dtype=wp.bool)
 ):
     i = first + wp.tid()
-    occluded[i] = wp.mesh_query_ray_anyhit(mesh, origins[i] * scale, directions[i] * scale, _own(t_max, i))
+    origin = rays.origins[i] * scale
+    direction = rays.directions[i] * scale
+    occluded[i] = wp.mesh_query_ray_anyhit(mesh, origin, direction, _own(rays.t_max, i))
 
 
 _Kernels = namedtuple("_Kernels", ("wide", "cuda", "fast"))
