@@ -1,11 +1,14 @@
 """Materials: one kind, one file. `MATERIALS` is the list of kinds; a new one is a file and a line here."""
 
+from .dielectric import Dielectric
 from .display_color import DisplayColor
 from .preview_surface import PreviewSurface
 
-Material = DisplayColor | PreviewSurface
+Material = DisplayColor | PreviewSurface | Dielectric
 
 #: Material kinds in the order of their ids on the device.
-MATERIALS = (DisplayColor, PreviewSurface)
+MATERIALS = (DisplayColor, PreviewSurface, Dielectric)
+#: Those that send light on beyond the surface in other directions than straight through.
+TRANSMITTING = (Dielectric,)
 
-__all__ = ["MATERIALS", "DisplayColor", "Material", "PreviewSurface"]
+__all__ = ["MATERIALS", "TRANSMITTING", "Dielectric", "DisplayColor", "Material", "PreviewSurface"]

@@ -1,4 +1,4 @@
-"""UsdShade materials that end in a UsdPreviewSurface."""
+"""UsdShade materials that end in a shader with an id of `SURFACES`."""
 
 from __future__ import annotations
 
@@ -7,24 +7,27 @@ from dataclasses import fields
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import PreviewSurface
+from ..materials import Dielectric, Material, PreviewSurface
 from ..materials.inputs import Varying
 from .reading import Reading, one_line
 from .textures import is_output, producer, read_node
 
+#: Surface shaders by id. Their inputs have the names of the fields.
+SURFACES = {"UsdPreviewSurface": PreviewSurface, "warprender:Dielectric": Dielectric}
 
-def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurface | None:
-    """The material as a `PreviewSurface`; None, with a remark if it names a surface, where it is none."""
+
+def read_material(reading: Reading, material: UsdShade.Material) -> Material | None:
+    """The material as what its surface shader is; None, with a remark if it names one, where it is none of ours."""
     try:
         shader, _, _ = material.ComputeSurfaceSource()
         if not shader:
             _remark_other_surface(reading, material)
             return None
         name = shader.GetShaderId() or "a shader without an id"
-        if name != "UsdPreviewSurface":
+        if name not in SURFACES:
             reading.remark(material.GetPrim(), f"surface {name} is not drawn yet")
             return None
-        return PreviewSurface(**_inputs(reading, shader))
+        return SURFACES[name](**_inputs(reading, shader, SURFACES[name]))
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
         return None
@@ -36,10 +39,10 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
         reading.remark(material.GetPrim(), f"surface {contexts[0]} is not drawn yet")
 
 
-def _inputs(reading: Reading, shader: UsdShade.Shader) -> dict[str, object]:
-    """Constants, textures and primvars of the shader's inputs, by field of `PreviewSurface`."""
+def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> dict[str, object]:
+    """Constants, textures and primvars of the shader's inputs, by field of the kind of material."""
     values = {}
-    for field in fields(PreviewSurface):
+    for field in fields(kind):
         source = producer(reading, shader, field.name)
         if source is None:
             continue
@@ -73,6 +76,6 @@ def _converted(value: object, default: object) -> object:
     if isinstance(default, str):
         return str(value)
     numbers = np.asarray(value, np.float64).reshape(-1)
-    if len(numbers) != np.size(default) or not np.isfinite(numbers).all():
+    if len(numbers) != np.size(default) or not (np.isfinite(numbers) | (numbers == default)).all():
         raise ValueError("not such a value")
     return tuple(map(float, numbers)) if isinstance(default, tuple) else type(default)(numbers[0])
