@@ -188,7 +188,7 @@ class Renderer:
     def _see(self) -> FirstHits:
         scene, camera, effects = self._upload.record, self._camera_record, self.plan.outputs.camera
         if self.plan.visibility == "rays":
-            return RayHits(scene, camera, effects, self.device)
+            return RayHits(scene, camera, effects, self.device, self.plan.outputs.sdfs)
         bounds, painter = self._upload.bounds - self._upload.origin, self.plan.visibility == "painter"
         return RasterHits(scene, self._upload.geometries, bounds, camera, effects, self.device, painter)
 

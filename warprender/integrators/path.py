@@ -27,7 +27,7 @@ from ..sampling import (
     random_pair,
     sample_stream,
 )
-from ..visibility.rays import closest, closest_after
+from ..visibility.sdf import ray_functions
 from .lighting import MOST_PASSES, Departure, Visible, aimed_function, glow_function, met_function
 
 #: Reflections before Russian roulette may end a path.
@@ -76,6 +76,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     """
     shading_at = shading_function(key.shapes, key.features)
     prepare, _, sample_bsdf = material_functions(key.materials, key.features)
+    closest, closest_after, _ = ray_functions(key.sdfs)
     met = met_function(key)
     aimed = aimed_function(key)
     glow = glow_function(key)
