@@ -78,10 +78,12 @@ class PreviewSurface:
         roughness: its square is the GGX alpha.
         clearcoat: weight of a second, white specular lobe.
         clearcoatRoughness: roughness of that lobe.
-        opacity: 1 opaque … 0 clear.
+        opacity: 1 opaque … 0 clear. Light that passes goes straight on, whatever `ior` says: the specification asks for
+            transmission of roughness 0 beside the reflections, and a surface of this kind need not enclose anything.
+            `Dielectric` refracts.
         opacityMode: "transparent" (the diffuse part fades, reflections stay) or "presence" (all fades).
         opacityThreshold: above 0, a cut-out: below it nothing is drawn, from it on the surface is opaque.
-        ior: index of refraction; sets F0 of dielectrics and of the clearcoat. Light goes straight through.
+        ior: index of refraction; sets F0 of dielectrics and of the clearcoat, nothing else.
         normal: in the tangent frame of the texture coordinates; of any length.
     """
 

@@ -15,6 +15,9 @@ from .textures import is_output, producer, read_node
 #: Surface shaders by id. Their inputs have the names of the fields.
 SURFACES = {"UsdPreviewSurface": PreviewSurface, "warprender:Dielectric": Dielectric}
 
+#: Inputs that mean nothing at 0 and below.
+ABOVE_ZERO = {PreviewSurface: (), Dielectric: ("ior", "attenuationDistance")}
+
 
 def read_material(reading: Reading, material: UsdShade.Material) -> Material | None:
     """The material as what its surface shader is; None, with a remark if it names one, where it is none of ours."""
@@ -57,12 +60,30 @@ def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> 
             continue
         try:
             values[field.name] = _converted(value, field.default)
+            if field.name in ABOVE_ZERO[kind] and not values[field.name] > 0:
+                raise ValueError("not above 0")
         except (TypeError, ValueError):
+            values.pop(field.name, None)
             reading.remark(shader.GetPrim(), f"{field.name} is {value!r}; {field.default!r} is taken")
     if "normal" in values:
         reading.primvars.setdefault("st", None)
+    if kind is PreviewSurface:
+        _remark_straight_through(reading, shader, values)
     _remark_displacement(reading, shader)
     return values
+
+
+def _remark_straight_through(reading: Reading, shader: UsdShade.Shader, values: dict[str, object]) -> None:
+    """Say that clear surfaces do not bend light, where the stage asks for an index of refraction."""
+    opacity, threshold = values.get("opacity", 1.0), values.get("opacityThreshold", 0.0)
+    clear = isinstance(opacity, Varying) or opacity < 1.0
+    cut_out = isinstance(threshold, Varying) or threshold > 0.0
+    presence = values.get("opacityMode") == "presence"
+    if clear and not cut_out and not presence and values.get("ior", 1.0) != 1.0:
+        reading.remark(
+            shader.GetPrim(),
+            "light goes straight through it, its ior is for reflections alone; a warprender:Dielectric refracts",
+        )
 
 
 def _remark_displacement(reading: Reading, shader: UsdShade.Shader) -> None:
