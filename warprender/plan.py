@@ -198,7 +198,7 @@ def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> 
     other = next((path for path, p in scene.placements.items() if not isinstance(p.shape, Mesh)), "")
     if request.visibility == "painter" and other:
         kind = type(scene.placements[other].shape).__name__
-        raise SceneError(f"visibility 'painter' draws triangles alone, and {other} is of the kind {kind}")
+        raise SceneError(f"visibility 'painter' draws triangles alone, and {other} is a {kind.lower()}")
     sdf = next((path for path, p in scene.placements.items() if isinstance(p.shape, Sdf)), "")
     if request.visibility in ("raster", "painter") and only_rays:
         raise SceneError(f"visibility {request.visibility!r}: {only_rays}, which only rays can follow")

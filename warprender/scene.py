@@ -119,7 +119,8 @@ class Scene:
                 which is used in place, not copied.
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
-            material: None draws `color` as a Lambert surface; a path takes a material that the scene has.
+            material: None draws `color` as a Lambert surface; a path takes
+                the material of the scene that other prims are bound to.
             pose: object to world: `wp.transformf`, seven numbers (position, quaternion xyzw), a (4, 4) matrix for
                 row vectors (p' = p M, translation in the last row), or None for the identity.
             normals: (N, 3) shading normals in object space, of any length, or None for flat shading.
@@ -307,7 +308,7 @@ class Scene:
         if isinstance(material, str):
             key = material
             if key not in self.materials:
-                raise SceneError(f"{path}: there is no material {key}")
+                raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
         elif material is not None:
             key = f"{path}/material"
             self.materials[key] = material
