@@ -328,8 +328,27 @@ class PrimvarRecord:
 
 
 @wp.struct
+class SdfRecord:
+    """A signed distance function in object space: number `function` of the plan's, asked between two corners.
+
+    `values` (X, Y, Z) are samples on a grid over the box, empty for functions that have none.
+    """
+
+    function: wp.int32
+    lower: wp.vec3
+    upper: wp.vec3
+    lipschitz: wp.float32
+    precision: wp.float32
+    parameters: wp.vec4
+    values: wp.array3d(dtype=wp.float32)
+
+
+@wp.struct
 class GeometryRecord:
-    """A shape in object space, stored once. `kind` indexes SHAPES; its tree is in `DeviceScene.world`."""
+    """A shape in object space, stored once. `kind` indexes SHAPES; its tree is in `DeviceScene.world`.
+
+    `sdf` is its number in `DeviceScene.sdfs`, if it is one.
+    """
 
     kind: wp.int32
     points: wp.array(dtype=wp.vec3)
@@ -338,6 +357,7 @@ class GeometryRecord:
     face_material: wp.array(dtype=wp.int32)
     normals: PrimvarRecord
     radius: wp.float32
+    sdf: wp.int32
 
 
 @wp.struct
@@ -361,6 +381,8 @@ class InstanceRecord:
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
+    `sdf_instances` are the numbers of the instances that are signed distance functions.
+
     `albedo` is `materials.albedo.albedo_table`. `tiles` has 100 picture numbers a UDIM set, -1 where there is none;
     `decode` is the sRGB curve for the 256 codes.
 
@@ -372,6 +394,8 @@ class DeviceScene:
     instances: wp.array(dtype=InstanceRecord)
     geometries: wp.array(dtype=GeometryRecord)
     world: World
+    sdfs: wp.array(dtype=SdfRecord)
+    sdf_instances: wp.array(dtype=wp.int32)
     materials: wp.array(dtype=MaterialRecord)
     albedo: wp.array2d(dtype=wp.vec4)
     energy_compensation: wp.int32

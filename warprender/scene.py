@@ -15,7 +15,7 @@ import warp as wp
 from .camera import Camera
 from .lights import Light
 from .materials import DisplayColor, Material
-from .shapes import Mesh, Primvar, Sphere
+from .shapes import Mesh, Primvar, Sdf, Sphere
 
 
 class SceneError(ValueError):
@@ -35,7 +35,7 @@ class Placement:
     """
 
     path: str
-    shape: Mesh | Sphere
+    shape: Mesh | Sphere | Sdf
     transforms: np.ndarray
     material: str = ""
     instance_ids: np.ndarray | None = None
@@ -105,7 +105,7 @@ class Scene:
         path: str,
         points: np.ndarray | wp.array,
         faces: np.ndarray | Sequence,
-        material: Material | None = None,
+        material: Material | str | None = None,
         pose: object = None,
         normals: np.ndarray | None = None,
         color: np.ndarray | Sequence | None = None,
@@ -119,7 +119,8 @@ class Scene:
                 which is used in place, not copied.
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
-            material: None draws `color` as a Lambert surface.
+            material: None draws `color` as a Lambert surface; a path takes
+                the material of the scene that other prims are bound to.
             pose: object to world: `wp.transformf`, seven numbers (position, quaternion xyzw), a (4, 4) matrix for
                 row vectors (p' = p M, translation in the last row), or None for the identity.
             normals: (N, 3) shading normals in object space, of any length, or None for flat shading.
@@ -159,7 +160,7 @@ class Scene:
         self,
         path: str,
         radius: float = 1.0,
-        material: Material | None = None,
+        material: Material | str | None = None,
         pose: object = None,
         color: Sequence | None = None,
     ) -> Sphere:
@@ -184,6 +185,52 @@ class Scene:
             sphere.primvars["displayColor"] = _vectors(path, "color", color, 1)
         self._place(path, sphere, material, pose)
         return sphere
+
+    def add_sdf(
+        self,
+        path: str,
+        distance: wp.Function | np.ndarray,
+        bounds: np.ndarray | Sequence,
+        material: Material | str | None = None,
+        pose: object = None,
+        color: Sequence | None = None,
+        lipschitz: float = 1.0,
+        precision: float | None = None,
+        parameters: Sequence[float] = (),
+    ) -> Sdf:
+        """Add a solid given by a signed distance: negative inside, positive outside.
+
+        Args:
+            path: prim path, unique in the scene.
+            distance: a `wp.func` of a `wp.vec3` in object space, or of that and `parameters` as a `wp.vec4`, that
+                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds.
+            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end.
+            material: as in `add_mesh`.
+            pose: as in `add_mesh`.
+            color: one (3,) colour, as in `add_mesh`.
+            lipschitz: the function changes by no more than this times the way; 1 for true distances. Samples
+                have their own.
+            precision: thinner parts than this may be missed, in object space; None takes 2^-16 of the diagonal.
+            parameters: up to four numbers for `distance`; `Sdf.parameters` may change.
+
+        Returns:
+            The solid.
+
+        Raises:
+            SceneError: the path is taken, or an argument is not as described; no material has this path.
+        """
+        self._claim(path)
+        given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
+        try:
+            sdf = Sdf(bounds=bounds, lipschitz=lipschitz, precision=precision, parameters=tuple(parameters), **given)
+        except (TypeError, ValueError) as error:
+            raise SceneError(f"{path}: {error}") from None
+        if fault := sdf.fault():
+            raise SceneError(f"{path}: {fault}")
+        if color is not None:
+            sdf.primvars["displayColor"] = _vectors(path, "color", color, 1)
+        self._place(path, sdf, material, pose)
+        return sdf
 
     def add_instances(self, path: str, prototype: str, poses: Sequence | np.ndarray) -> Placement:
         """Draw the shape of the prim `prototype` once more for each pose; it is stored once.
@@ -256,9 +303,13 @@ class Scene:
         if path in self.placements or path in self.lights or path in self.cameras:
             raise SceneError(f"{path}: the path is already in the scene")
 
-    def _place(self, path: str, shape: Mesh | Sphere, material: Material | None, pose: object) -> None:
+    def _place(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None, pose: object) -> None:
         key = ""
-        if material is not None:
+        if isinstance(material, str):
+            key = material
+            if key not in self.materials:
+                raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
+        elif material is not None:
             key = f"{path}/material"
             self.materials[key] = material
         self.placements[path] = Placement(path, shape, pose_matrix(pose, path)[None], key)

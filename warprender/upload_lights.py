@@ -23,7 +23,7 @@ from .records import (
     ProfileRecord,
 )
 from .scene import Placement, Scene
-from .shapes import Mesh, Sphere
+from .shapes import Mesh, Sdf, Sphere
 
 
 @dataclass
@@ -40,7 +40,7 @@ class Placed:
     """
 
     instances: np.ndarray
-    shapes: dict[int, Mesh | Sphere]
+    shapes: dict[int, Mesh | Sphere | Sdf]
     kept: dict[int, np.ndarray]
     boxes: np.ndarray
     bounds: np.ndarray

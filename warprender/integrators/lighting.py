@@ -179,7 +179,7 @@ def shadow_function(key: PathKey) -> wp.Function:
 
     `footprint` is the width that the ray stands for.
     """
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
     closest, closest_after, occluded = ray_functions(key.sdfs)
     straight_through = key.straight_through
@@ -321,7 +321,7 @@ def aimed_function(key: PathKey) -> wp.Function:
     """
     sample_light, _ = light_functions(key.lights)
     prepare, evaluate, _ = material_functions(key.materials, key.features)
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     shape = shaping_function(key.light_effects)
     shadow = shadow_function(key)
     glow = bool(set(GLOWING) & set(key.lights))
