@@ -67,20 +67,22 @@ def walk(reading: Reading) -> Iterator[Visit]:
         prim = step.prim
         if prim.IsA(UsdShade.Material) or not _is_visible(reading, prim):
             continue
+        if reading.render_pass and reading.render_pass.prunes(prim):
+            continue
         local = _local_transform(reading, cache, step)
         purpose = _purpose(prim, step.purpose)
         mode = inherited_mode(prim, step.draw_mode) if reading.draw_modes else "default"
         if mode != "default" and applies(prim):
-            if _is_included(reading, purpose):
+            if _is_included(reading, prim, purpose):
                 yield Visit(prim, local, step.frame, mode)
             continue
         if prim.IsA(UsdGeom.PointInstancer):
-            if _is_included(reading, purpose):
+            if _is_included(reading, prim, purpose):
                 prototypes = reading.attempt(prim, expand, UsdGeom.PointInstancer(prim), local, step.frame)
                 for prototype, frame in reversed(prototypes or []):
                     stack.append(_Step(prototype, np.eye(4), frame, purpose, IN_PROTOTYPE, mode))
             continue
-        if _is_drawable(prim) and _is_included(reading, purpose):
+        if _is_drawable(prim) and _is_included(reading, prim, purpose):
             yield Visit(prim, local, step.frame)
         for child in reversed(prim.GetFilteredChildren(step.predicate)):
             stack.append(_Step(child, local, step.frame, purpose, step.predicate, mode))
@@ -112,7 +114,9 @@ def _purpose(prim: Usd.Prim, inherited: UsdGeom.Imageable.PurposeInfo | None) ->
     return imageable.ComputePurposeInfo(inherited) if inherited else imageable.ComputePurposeInfo()
 
 
-def _is_included(reading: Reading, purpose: UsdGeom.Imageable.PurposeInfo | None) -> bool:
+def _is_included(reading: Reading, prim: Usd.Prim, purpose: UsdGeom.Imageable.PurposeInfo | None) -> bool:
+    if reading.render_pass and reading.render_pass.hides(prim):
+        return False
     return purpose is None or str(purpose.purpose) in reading.purposes
 
 
