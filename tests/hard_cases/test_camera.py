@@ -1,4 +1,4 @@
-"""Hard cases C2, C3, C6 to C8 of the catalogue: mirrored and flattened transforms, extreme and senseless cameras."""
+"""Hard cases C2, C3, C5 to C8 of the catalogue: mirrored, flattened and turning transforms, extreme and senseless cameras."""
 
 import numpy as np
 import pytest
@@ -182,3 +182,34 @@ def test_inside_glass():
     color = frame.numpy("color")
     assert np.isfinite(color).all() and frame.stats["dropped samples"] == 0
     assert 0.5 < color[..., 0].mean() <= 1 + 1e-4, "no light is made"
+
+
+@pytest.mark.parametrize("op, zero, half_turn", [
+    pytest.param("quatf xformOp:orient", "(1, 0, 0, 0)", "(0, 0, 0, 1)", id="C5-quaternions"),
+    pytest.param("float xformOp:rotateZ", "0", "180", id="C5-angles"),
+])  # fmt: skip
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.75])
+def test_turns_between_samples_are_turns(op, zero, half_turn, share):
+    name = op.split()[1]
+    scene = scene_of(
+        f"""def Sphere "s" {{ {op}.timeSamples = {{ 0: {zero}, 1: {half_turn}, }}
+            uniform token[] xformOpOrder = ["{name}"] }}""",
+        time=share,
+    )
+    matrix = scene.placements["/s"].transforms[0, :3, :3]
+    np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-6)
+    # At exactly half a turn either way round is right.
+    x, y = np.cos(np.pi * share), np.sin(np.pi * share)
+    np.testing.assert_allclose(np.abs(matrix[0]), [abs(x), y, 0], atol=1e-6)
+    assert matrix[0, 0] == pytest.approx(x, abs=1e-6)
+
+
+def test_matrices_between_samples_are_mixed_element_by_element():
+    """C5: as USD has it; half way between opposite matrices nothing is left, and that is said and not drawn."""
+    text = """def Sphere "s" { matrix4d xformOp:transform.timeSamples = {
+            0: ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+            1: ((-1, 0, 0, 0), (0, -1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)), }
+        uniform token[] xformOpOrder = ["xformOp:transform"] }"""
+    np.testing.assert_allclose(np.diag(scene_of(text, time=0.25).placements["/s"].transforms[0]), [0.5, 0.5, 1, 1])
+    halfway = scene_of(text, time=0.5)
+    assert not halfway.placements and [w for w in halfway.warnings if w.startswith("/s:")]
