@@ -53,7 +53,6 @@ def write_stage(path, case, count):
             mesh = define_mesh(stage, f"/ball{i}", SIDES[case], i)
             UsdGeom.XformCommonAPI(mesh).SetTranslate(Gf.Vec3d(*place[i].tolist()))
     sun = UsdLux.DistantLight.Define(stage, "/sun")
-    sun.CreateIntensityAttr(1.0)
     UsdGeom.XformCommonAPI(sun).SetRotate(Gf.Vec3f(-50, 30, 0))
     camera = UsdGeom.Camera.Define(stage, "/main_cam")
     camera.CreateClippingRangeAttr(Gf.Vec2f(0.01, 1e6))
@@ -69,8 +68,11 @@ def peak():
 
 def measure(path, small, width, samples, picture):
     """Read, build and render one stage; prints seconds and MiB of each step."""
+    import warp as wp
+
     import warprender as wr
 
+    wp.config.log_level = wp.LOG_WARNING
     size = (width, width * 9 // 16)
     wr.render(wr.load(small), (8, 8), samples=1)
     steps, start = [("start", 0.0, peak())], time.perf_counter()
