@@ -7,7 +7,7 @@ A `Scene` is a plain description. Transforms are float64 and keep prim paths; no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import warp as wp
@@ -52,14 +52,58 @@ def materials_of(placement: Placement) -> list[str]:
 
 
 @dataclass
-class RenderSettings:
-    """UsdRenderSettings, as far as it is read: resolution in pixels, and the path of the camera."""
+class PictureSettings:
+    """What UsdRenderSettings and UsdRenderProduct both say of a picture; names and defaults as in the schema.
+
+    Attributes:
+        path: path of the prim, "" where the stage has none.
+        resolution: (width, height) in pixels, None where the camera's aspect decides.
+        camera: path of the camera, "" for usdrecord's choice.
+        pixelAspectRatio: width over height of a pixel.
+        aspectRatioConformPolicy: one of `warprender.camera.CONFORM_POLICIES`.
+        dataWindowNDC: left, bottom, right, top of what is drawn, as parts of the picture from its lower left
+            corner; beyond 0 and 1 more than the picture is drawn (overscan).
+        disableMotionBlur: nothing here blurs by motion yet, with it or without.
+        disableDepthOfField: cameras of the stage are taken as pinholes.
+    """
 
     path: str = ""
     resolution: tuple[int, int] | None = None
     camera: str = ""
     pixelAspectRatio: float = 1.0
     aspectRatioConformPolicy: str = "expandAperture"
+    dataWindowNDC: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+    disableMotionBlur: bool = False
+    disableDepthOfField: bool = False
+
+
+@dataclass
+class RenderProduct(PictureSettings):
+    """UsdRenderProduct: one file that the render settings ask for; what it leaves open it has from them.
+
+    Attributes:
+        productName: the file.
+        outputs: outputs that its orderedVars name, as `Renderer` takes them.
+    """
+
+    productName: str = ""
+    outputs: tuple[str, ...] = ("color",)
+
+
+@dataclass
+class RenderSettings(PictureSettings):
+    """UsdRenderSettings.
+
+    Attributes:
+        products: in the order of the relationship.
+        includedPurposes: purposes to draw, None where none are authored.
+        materialBindingPurposes: material purposes in the order of preference, None where none are authored; "" is
+            all purposes.
+    """
+
+    products: tuple[RenderProduct, ...] = ()
+    includedPurposes: tuple[str, ...] | None = None
+    materialBindingPurposes: tuple[str, ...] | None = None
 
 
 @dataclass
@@ -71,7 +115,7 @@ class Scene:
         materials: path to material; the key "" is the material of prims that are bound to none.
         lights: path to light.
         cameras: path to camera.
-        settings: the stage's render settings.
+        settings: the stage's render settings, or one of their products: see `for_product`.
         up_axis: "Y" or "Z".
         meters_per_unit: scene units in metres; lights are not scaled by it.
         source: file that the scene was read from, "" for one built in Python.
@@ -83,7 +127,7 @@ class Scene:
     materials: dict[str, Material] = field(default_factory=lambda: {"": DisplayColor()})
     lights: dict[str, Light] = field(default_factory=dict)
     cameras: dict[str, Camera] = field(default_factory=dict)
-    settings: RenderSettings = field(default_factory=RenderSettings)
+    settings: PictureSettings = field(default_factory=RenderSettings)
     up_axis: str = "Y"
     meters_per_unit: float = 0.01
     source: str = ""
@@ -94,6 +138,10 @@ class Scene:
         """Keep a one-line warning, once."""
         if message not in self.warnings:
             self.warnings.append(message)
+
+    def for_product(self, product: RenderProduct) -> Scene:
+        """This scene as `product` pictures it; everything but `settings` is shared."""
+        return replace(self, settings=product)
 
     @property
     def meshes(self) -> dict[str, Mesh]:
