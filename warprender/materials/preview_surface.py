@@ -84,6 +84,8 @@ class PreviewSurface:
         opacityThreshold: above 0, a cut-out: below it nothing is drawn, from it on the surface is opaque.
         ior: index of refraction; sets F0 of dielectrics and of the clearcoat. Light goes straight through.
         normal: in the tangent frame of the texture coordinates; of any length.
+        displacement: how far points move along the normal, in object units, when a stage or a mesh is taken into a
+            scene (`displacement.displaced`).
     """
 
     diffuseColor: Color = (0.18, 0.18, 0.18)
@@ -99,6 +101,7 @@ class PreviewSurface:
     opacityThreshold: Number = 0.0
     ior: Number = 1.5
     normal: Color = (0.0, 0.0, 1.0)
+    displacement: Number = 0.0
 
     def pack(self) -> np.ndarray:
         """Values by input number: (n, 3)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import Field, fields
 
 import numpy as np
 from pxr import Tf, UsdShade
@@ -11,6 +11,9 @@ from ..materials import PreviewSurface
 from ..materials.inputs import Varying
 from .reading import Reading, one_line
 from .textures import is_output, producer, read_node
+
+#: The one input of a surface that moves it, which counts by an output of its own.
+DISPLACEMENT = "displacement"
 
 
 def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurface | None:
@@ -24,7 +27,7 @@ def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurfa
         if name != "UsdPreviewSurface":
             reading.remark(material.GetPrim(), f"surface {name} is not drawn yet")
             return None
-        return PreviewSurface(**_inputs(reading, shader))
+        return PreviewSurface(**_inputs(reading, shader) | _displacement(reading, material, shader))
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
         return None
@@ -38,34 +41,44 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
 
 def _inputs(reading: Reading, shader: UsdShade.Shader) -> dict[str, object]:
     """Constants, textures and primvars of the shader's inputs, by field of `PreviewSurface`."""
-    values = {}
-    for field in fields(PreviewSurface):
-        source = producer(reading, shader, field.name)
-        if source is None:
-            continue
-        value = read_node(reading, source) if is_output(source) else reading.get(source)
-        if value is None:
-            continue
-        if isinstance(value, Varying):
-            if field.name == "opacityMode":
-                reading.remark(shader.GetPrim(), "opacityMode cannot vary; transparent is taken")
-                continue
-            values[field.name] = value
-            continue
-        try:
-            values[field.name] = _converted(value, field.default)
-        except (TypeError, ValueError):
-            reading.remark(shader.GetPrim(), f"{field.name} is {value!r}; {field.default!r} is taken")
+    found = {
+        field.name: _input(reading, shader, field) for field in fields(PreviewSurface) if field.name != DISPLACEMENT
+    }
+    values = {name: value for name, value in found.items() if value is not None}
+    if isinstance(values.get("opacityMode"), Varying):
+        reading.remark(shader.GetPrim(), "opacityMode cannot vary; transparent is taken")
+        del values["opacityMode"]
     if "normal" in values:
         reading.primvars.setdefault("st", None)
-    _remark_displacement(reading, shader)
     return values
 
 
-def _remark_displacement(reading: Reading, shader: UsdShade.Shader) -> None:
-    source = producer(reading, shader, "displacement")
-    if source is not None and (is_output(source) or reading.get(source)):
-        reading.remark(shader.GetPrim(), "displacement is not drawn yet")
+def _input(reading: Reading, shader: UsdShade.Shader, field: Field) -> object:
+    """What an input is, None where nothing is authored that can be taken."""
+    source = producer(reading, shader, field.name)
+    if source is None:
+        return None
+    value = read_node(reading, source) if is_output(source) else reading.get(source)
+    if value is None or isinstance(value, Varying):
+        return value
+    try:
+        return _converted(value, field.default)
+    except (TypeError, ValueError):
+        reading.remark(shader.GetPrim(), f"{field.name} is {value!r}; {field.default!r} is taken")
+        return None
+
+
+def _displacement(reading: Reading, material: UsdShade.Material, surface: UsdShade.Shader) -> dict[str, object]:
+    """The displacement of the shader that the material's own output names; a remark where no output is connected."""
+    field = next(field for field in fields(PreviewSurface) if field.name == DISPLACEMENT)
+    shader, _, _ = material.ComputeDisplacementSource()
+    value = _input(reading, shader or surface, field)
+    if value is None:
+        return {}
+    if not shader and value != 0.0:
+        reading.remark(material.GetPrim(), "its displacement is not drawn: outputs:displacement is not connected")
+        return {}
+    return {DISPLACEMENT: value}
 
 
 def _converted(value: object, default: object) -> object:
