@@ -68,8 +68,7 @@ def test_full_beats_all_purpose_and_preview_serves_when_nothing_else_does():
 
 def test_a_surface_that_is_not_drawn_is_named_and_falls_back():
     scene = scene_of(
-        material("A").replace("UsdPreviewSurface", "ND_disney_principled")
-        + sphere("x", "rel material:binding = </A>")
+        material("A").replace("UsdPreviewSurface", "ND_disney_principled") + sphere("x", "rel material:binding = </A>")
     )
     assert scene.placements["/x"].material == ""
     assert scene.warnings == ["/A: surface ND_disney_principled is not drawn yet"]

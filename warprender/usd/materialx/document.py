@@ -19,6 +19,7 @@ _TYPES = {
     "vector2": "float2", "vector3": "float3", "vector4": "float4", "string": "string", "filename": "asset",
     "surfaceshader": "token", "displacementshader": "token",
 }  # fmt: skip
+_UNREADABLE = (mx.Exception, mx.ExceptionParseError, mx.ExceptionFileMissing)
 _TERMINALS = {"surfaceshader": "surface", "displacementshader": "displacement"}
 
 
@@ -50,7 +51,7 @@ def _read(path: str) -> mx.Document:
                 mx.readFromXmlString(document, bytes(asset.GetBuffer()).decode())
         else:
             mx.readFromXmlFile(document, path, mx.FileSearchPath(os.path.dirname(path)))
-    except (mx.Exception, OSError, UnicodeDecodeError, TypeError) as error:
+    except (*_UNREADABLE, OSError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
     # Nodes that the document itself defines are replaced by what they are made of.
     document.flattenSubgraphs()

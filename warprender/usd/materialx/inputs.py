@@ -97,10 +97,12 @@ class _Input:
         error = np.abs(np.append(probes, np.ones((_PROBES, 1)), 1) @ matrix.T - values)
         if (error > 1e-6 * (1.0 + np.abs(values))).any():
             return None
-        return np.where(np.abs(matrix) < 1e-9, 0.0, matrix)
+        return np.round(matrix, 12) + 0.0
 
-    def _primvar(self, leaf: PrimvarLeaf) -> PrimvarReader | None:
+    def _primvar(self, leaf: PrimvarLeaf) -> PrimvarReader | float | tuple | None:
         matrix = self._affine(self.function, leaf, -np.ones(leaf.width), np.ones(leaf.width))
+        if matrix is not None and not matrix[:, :-1].any():
+            return self._constant(matrix[:, -1:].T)
         if matrix is None or not np.allclose(matrix, np.eye(self.width, leaf.width + 1), atol=1e-6):
             return None
         return self._reader(leaf)

@@ -72,7 +72,7 @@ class Evaluation:
 
     reading: Reading
     leaf_values: Callable[[Evaluation, Leaf], Values]
-    images: dict[Sdf.Path, ImageLeaf]
+    images: dict[Sdf.Path, ImageLeaf | None]
     _done: dict[Sdf.Path, Values | None] = field(default_factory=dict)
 
     def input(self, node: UsdShade.Shader, name: str, default: object = 0.0) -> Values:
@@ -152,6 +152,8 @@ class Evaluation:
         if path not in self.images:
             self.images[path] = self._image(node, category)
         leaf = self.images[path]
+        if leaf is None:
+            return self._default(node, category)[None]
         texels = self.leaf_values(self, leaf)
         if leaf.texture.sourceColorSpace == "raw":
             texels = spaces.to_linear(texels, leaf.space)
@@ -166,38 +168,32 @@ class Evaluation:
             return texels[:, : max(factor.shape[1], _output_width(node))] * factor
         return texels
 
-    def _image(self, node: UsdShade.Shader, category: str) -> ImageLeaf:
-        """The picture of a node as it is in the file."""
-        width = _output_width(node)
+    def _image(self, node: UsdShade.Shader, category: str) -> ImageLeaf | None:
+        """The picture of a node as it is in the file; None, with a remark, where it names no file."""
         attribute = producer(self.reading, node, "file")
-        file = asset_file(self.reading, attribute) if attribute is not None else ""
-        default = self.input(node, "fallback" if category == "UsdUVTexture" else "default", 0.0)[0]
-        if category == "gltf_normalmap" and not default.any():
-            default = np.array([0.5, 0.5, 1.0])
-        space = self._space(attribute) if attribute is not None else ""
-        authored = bool(space)
-        if category == "UsdUVTexture":
-            stated = str(self._token(node, "sourceColorSpace", space or "auto"))
-            space, authored = stated, stated != "auto"
-        source = "auto" if not authored and width >= 3 and category != "gltf_normalmap" else "raw"
-        if spaces.is_srgb(space):
-            source = "sRGB"
-        u, v = ("wrapS", "wrapT") if category == "UsdUVTexture" else ("uaddressmode", "vaddressmode")
-        if category == "tiledimage":
-            wraps = ("repeat", "repeat")
-        else:
-            wraps = tuple(self._wrap(node, name) for name in (u, v))
-        if file == "":
+        file = asset_file(self.reading, attribute)
+        if not file:
             self.reading.remark(node.GetPrim(), "it names no file; its default is taken")
-        texture = Texture(
-            file or np.tile(converted(default[None], 4).astype(np.float32), (1, 1, 1)),
-            wrapS=wraps[0],
-            wrapT=wraps[1],
-            sourceColorSpace=source if file else "raw",
-            fallback=tuple(map(float, converted(default[None], 4)[0])),
-            prim=str(node.GetPath()),
-        )
-        return ImageLeaf(texture, space if file else "raw", lambda passing: _coordinates(passing, node, category))
+            return None
+        space = self._space(attribute)
+        if category == "UsdUVTexture" and not space:
+            space = {"auto": ""}.get(stated := str(self._token(node, "sourceColorSpace", "auto")), stated)
+        colors = _output_width(node) >= 3 and category != "gltf_normalmap"
+        source = "sRGB" if spaces.is_srgb(space) else "auto" if not space and colors else "raw"
+        names = ("wrapS", "wrapT") if category == "UsdUVTexture" else ("uaddressmode", "vaddressmode")
+        wraps = ["repeat" if category == "tiledimage" else self._wrap(node, name) for name in names]
+        fallback = tuple(map(float, self._default(node, category)))
+        texture = Texture(file, "rgb", *wraps, source, fallback=fallback, prim=str(node.GetPath()))
+        return ImageLeaf(texture, space, lambda passing: _coordinates(passing, node, category))
+
+    def _default(self, node: UsdShade.Shader, category: str) -> Values:
+        """(4,) what an image gives where there is no picture."""
+        name, value = "default", 0.0
+        if category == "UsdUVTexture":
+            name, value = "fallback", (0.0, 0.0, 0.0, 1.0)
+        elif category == "gltf_normalmap":
+            value = (0.5, 0.5, 1.0)
+        return converted(self.input(node, name, value), 4)[0]
 
     def _wrap(self, node: UsdShade.Shader, name: str) -> str:
         stated = str(self._token(node, name, "periodic"))
