@@ -11,7 +11,7 @@ PACKAGE = Path(warprender.__file__).parent
 LEVELS = (
     {"numerics", "sampling", "color", "launch"},
     {"records", "images"},
-    {"texels", "textures"},
+    {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs"},
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
@@ -29,6 +29,8 @@ NEIGHBOURS = {
     ("materials", "shapes"),
     ("lights", "shapes"),
     ("textures", "texels"),
+    ("texture_lookup", "textures"),
+    ("texture_lookup", "texels"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
     ("renderer", "frame"),

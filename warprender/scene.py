@@ -15,6 +15,8 @@ import warp as wp
 from .camera import Camera
 from .lights import Light
 from .materials import DisplayColor, Material
+from .materials.displacement import displaced
+from .materials.inputs import Varying
 from .shapes import Mesh, Primvar, Sdf, Sphere
 
 
@@ -168,7 +170,8 @@ class Scene:
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
             material: None draws `color` as a Lambert surface; a path takes
-                the material of the scene that other prims are bound to.
+                the material of the scene that other prims are bound to. One with a
+                displacement moves a copy of the points.
             pose: object to world: `wp.transformf`, seven numbers (position, quaternion xyzw), a (4, 4) matrix for
                 row vectors (p' = p M, translation in the last row), or None for the identity.
             normals: (N, 3) shading normals in object space, of any length, or None for flat shading.
@@ -201,6 +204,7 @@ class Scene:
             if st.shape != (len(host), 2):
                 raise SceneError(f"{path}: st has shape {st.shape}, not {(len(host), 2)}")
             mesh.primvars["st"] = Primvar(st, "vertex")
+        mesh = self._displaced(path, mesh, material)
         self._place(path, mesh, material, pose)
         return mesh
 
@@ -231,6 +235,7 @@ class Scene:
         sphere = Sphere(radius)
         if color is not None:
             sphere.primvars["displayColor"] = _vectors(path, "color", color, 1)
+        sphere = self._displaced(path, sphere, material)
         self._place(path, sphere, material, pose)
         return sphere
 
@@ -277,7 +282,7 @@ class Scene:
             raise SceneError(f"{path}: {fault}")
         if color is not None:
             sdf.primvars["displayColor"] = _vectors(path, "color", color, 1)
-        self._place(path, sdf, material, pose)
+        self._place(path, self._displaced(path, sdf, material), material, pose)
         return sdf
 
     def add_instances(self, path: str, prototype: str, poses: Sequence | np.ndarray) -> Placement:
@@ -350,6 +355,21 @@ class Scene:
     def _claim(self, path: str) -> None:
         if path in self.placements or path in self.lights or path in self.cameras:
             raise SceneError(f"{path}: the path is already in the scene")
+
+    def _displaced(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None) -> Mesh | Sphere | Sdf:
+        """The shape with its points moved as its material says; unmoved, with a warning, where they cannot be."""
+        material = self.materials.get(material) if isinstance(material, str) else material
+        displacement = getattr(material, "displacement", 0.0)
+        if not isinstance(displacement, Varying) and displacement == 0.0:
+            return shape
+        if isinstance(getattr(shape, "points", None), wp.array):
+            self.warn(f"{path}: it is not displaced: its points are used in place")
+            return shape
+        try:
+            return displaced(shape, displacement)
+        except ValueError as error:
+            self.warn(f"{path}: it is drawn without its displacement: {error}")
+            return shape
 
     def _place(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None, pose: object) -> None:
         key = ""

@@ -12,6 +12,7 @@ from pxr import Tf, Usd, UsdGeom
 from ..scene import RenderSettings, Scene, SceneError
 from .binding import Bindings
 from .cameras import read_cameras
+from .materialx.references import is_about_documents, resolved_stage
 from .passes import read_pass
 from .placing import mark_sound, place_lights, place_mesh_light, place_shape
 from .reading import Diagnostics, Reading, one_line
@@ -108,7 +109,8 @@ class StageReader:
         self._purposes, self._level, self._draw_modes = _purposes(purposes), _level(complexity), draw_modes
         self._last: Reading | None = None
         with Diagnostics() as self._opening, _as_scene_errors(path):
-            self._stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
+            stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
+            self._stage, self._unread = resolved_stage(stage)
 
     def read(self, time: float | Usd.TimeCode | None = None) -> Scene:
         """The scene at a time code.
@@ -129,8 +131,10 @@ class StageReader:
             self._read_settings(reading)
             _read(reading)
         for line in self._opening.lines + diagnostics.lines:
-            if HARMLESS not in line:
+            if HARMLESS not in line and not is_about_documents(line):
                 reading.scene.warn(line)
+        for line in self._unread:
+            reading.scene.warn(line)
         self._last = reading
         return reading.scene
 
