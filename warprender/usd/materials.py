@@ -1,4 +1,4 @@
-"""UsdShade materials that end in a UsdPreviewSurface."""
+"""UsdShade materials that end in a UsdPreviewSurface, or in a surface of ours."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from dataclasses import fields
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import PreviewSurface
+from ..materials import Material, MeasuredBRDF, PreviewSurface
 from ..materials.inputs import Varying
 from .reading import Reading, one_line
-from .textures import is_output, producer, read_node
+from .textures import asset_file, is_output, producer, read_node
 
 
-def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurface | None:
-    """The material as a `PreviewSurface`; None, with a remark if it names a surface, where it is none."""
+def read_material(reading: Reading, material: UsdShade.Material) -> Material | None:
+    """The material; None, with a remark if it names a surface, where it is none of those that are drawn."""
     try:
         shader, _, _ = material.ComputeSurfaceSource()
         if not shader:
             _remark_other_surface(reading, material)
             return None
         name = shader.GetShaderId() or "a shader without an id"
-        if name != "UsdPreviewSurface":
+        if name not in READERS:
             reading.remark(material.GetPrim(), f"surface {name} is not drawn yet")
             return None
-        return PreviewSurface(**_inputs(reading, shader))
+        return READERS[name](reading, shader)
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
         return None
@@ -34,6 +34,30 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
     contexts = [str(o.GetBaseName()) for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
     if contexts:
         reading.remark(material.GetPrim(), f"surface {contexts[0]} is not drawn yet")
+
+
+def _read_preview_surface(reading: Reading, shader: UsdShade.Shader) -> PreviewSurface:
+    return PreviewSurface(**_inputs(reading, shader))
+
+
+def _read_measured_brdf(reading: Reading, shader: UsdShade.Shader) -> MeasuredBRDF | None:
+    """The measured material; None, with a remark, where its file cannot be read."""
+    file = asset_file(reading, shader)
+    if not file:
+        reading.remark(shader.GetPrim(), "warprender:MeasuredBRDF names no file; it is drawn as if unbound")
+        return None
+    try:
+        return MeasuredBRDF(file)
+    except ValueError as error:
+        reading.remark(shader.GetPrim(), f"{error}; it is drawn as if unbound")
+        return None
+
+
+#: Readers by shader id; each answers None, with a remark, for what cannot be drawn.
+READERS = {
+    "UsdPreviewSurface": _read_preview_surface,
+    "warprender:MeasuredBRDF": _read_measured_brdf,
+}
 
 
 def _inputs(reading: Reading, shader: UsdShade.Shader) -> dict[str, object]:
