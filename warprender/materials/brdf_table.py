@@ -31,8 +31,9 @@ MISSING = -1.0
 
 #: Angles of the viewer, rows over √θ_half and columns over the half-vector's azimuth of the sampling tables.
 ANGLES, ROWS, COLUMNS = 32, 90, 16
-#: Midpoints along each side of a sampling cell.
-_FINE = 2
+#: Most cells over θ_diff and φ_diff of the means that the tables are made of: wider than the tables' midpoints lie
+#: apart, so that no cell of the data falls between them.
+_POOLED = (30, 18)
 _HEADER = 12
 
 
@@ -142,50 +143,17 @@ class BrdfTable:
         Returns:
             (…, 3) float64 in 1/sr, 0 where a direction is not above the horizon.
         """
-        wo, wi = np.broadcast_arrays(np.asarray(wo, float), np.asarray(wi, float))
-        above = (wo[..., 2] > 0) & (wi[..., 2] > 0)
-        theta_half, theta_diff, phi_diff = angles(wo, wi)
-        count = self.cells
-        i, s = _held(np.sqrt(theta_half / (np.pi / 2)) * count[0] - 0.5, count[0])
-        j, t = _held(theta_diff / (np.pi / 2) * count[1] - 0.5, count[1])
-        z = phi_diff / np.pi * count[2] - 0.5
-        k = np.floor(z).astype(int)
-        result = np.zeros(wo.shape)
-        for di, along in ((0, 1 - s), (1, s)):
-            for dj, across in ((0, 1 - t), (1, t)):
-                for dk, around in ((0, 1 - (z - k)), (1, z - k)):
-                    low, high = np.minimum(i + di, count[0] - 1), np.minimum(j + dj, count[1] - 1)
-                    result += (along * across * around)[..., None] * self.filled[low, high, (k + dk) % count[2]]
-        return np.where(above[..., None], result, 0.0)
+        return _look_up(self.filled, *np.broadcast_arrays(np.asarray(wo, float), np.asarray(wi, float)))
 
     @cached_property
     def albedos(self) -> np.ndarray:
-        """(ANGLES + 5, 3) directional albedos: along the normal, from `ANGLES` angles, and from 88° to 89.9°."""
-        grazing = np.radians([88.0, 89.0, 89.5, 89.9])
-        theta = np.concatenate([[0.0], _table_angles(), grazing])
-        return np.stack([self._reflected(angle).sum((0, 1)) for angle in theta])
+        """(93, 3) directional albedos for the viewers of `albedo_angles`."""
+        values = _pooled(self.filled, 2, _POOLED[1])
+        return np.stack([_reflected(values, angle, 1).sum((0, 1)) for angle in albedo_angles()])
 
     def largest_albedo(self) -> float:
         """The largest of the directional albedos, of any channel; they come from midpoints, so 1 % is added."""
         return 1.01 * float(self.albedos.max())
-
-    def _reflected(self, theta: float) -> np.ndarray:
-        """(ROWS, COLUMNS, 3) share of the light from one angle that each sampling cell reflects."""
-        half2, phi = _midpoints()
-        sine = 2 * np.sqrt(half2 * (1 - half2))
-        wo = np.array([np.sin(theta), 0.0, np.cos(theta)])
-        total = np.zeros((ROWS, COLUMNS, 3))
-        for side in (1.0, -1.0):
-            around = side * phi
-            h = np.stack(np.broadcast_arrays(sine * np.cos(around), sine * np.sin(around), 1 - 2 * half2), -1)
-            along = h @ wo
-            wi = 2 * along[..., None] * h - wo
-            # dω of the light is 4 (wo · h) dω of the half-vector.
-            weight = np.where((along > 0) & (wi[..., 2] > 0), 4 * along * wi[..., 2], 0.0)
-            value = self.at(wo, wi) * weight[..., None]
-            total += value.reshape(ROWS, _FINE, COLUMNS, _FINE, 3).mean((1, 3))
-        band = 2 * np.diff(_row_edges())
-        return total * (band * np.pi / COLUMNS)[:, None, None]
 
     @cached_property
     def distributions(self) -> tuple[np.ndarray, np.ndarray]:
@@ -193,7 +161,9 @@ class BrdfTable:
 
         Cells weigh what they reflect, the mean of the channels. Rows are 0 where nothing is reflected.
         """
-        weight = np.stack([self._reflected(theta).mean(-1) for theta in _table_angles()])
+        values = _pooled(_pooled(self.filled, 1, _POOLED[0]), 2, _POOLED[1])
+        angles = (np.arange(ANGLES) + 0.5) / ANGLES * (np.pi / 2)
+        weight = np.stack([_reflected(values, angle, 2).mean(-1) for angle in angles])
         in_rows = weight.sum(2)
         totals = in_rows.sum(1, keepdims=True)
         rows = np.cumsum(in_rows, 1) / np.where(totals > 0, totals, 1.0)
@@ -285,6 +255,24 @@ def _fill(values: np.ndarray, known: np.ndarray, axis: int) -> tuple[np.ndarray,
     return np.moveaxis(values, -2, axis), np.moveaxis(known, -1, axis)
 
 
+def _look_up(values: np.ndarray, wo: np.ndarray, wi: np.ndarray) -> np.ndarray:
+    """(…, 3) float64 of a table without missing cells, for directions (…, 3) of one shape."""
+    theta_half, theta_diff, phi_diff = angles(wo, wi)
+    count = values.shape
+    i, s = _held(np.sqrt(theta_half / (np.pi / 2)) * count[0] - 0.5, count[0])
+    j, t = _held(theta_diff / (np.pi / 2) * count[1] - 0.5, count[1])
+    z = phi_diff / np.pi * count[2] - 0.5
+    k = np.floor(z).astype(int)
+    flat = values.reshape(-1, 3)
+    result = np.zeros(wo.shape)
+    for low, along in ((i, 1 - s), (np.minimum(i + 1, count[0] - 1), s)):
+        for high, across in ((j, 1 - t), (np.minimum(j + 1, count[1] - 1), t)):
+            for layer, around in ((k % count[2], 1 - (z - k)), ((k + 1) % count[2], z - k)):
+                index = (low * count[1] + high) * count[2] + layer
+                result += (along * across * around)[..., None] * flat[index]
+    return np.where(((wo[..., 2] > 0) & (wi[..., 2] > 0))[..., None], result, 0.0)
+
+
 def _held(x: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Cell below a place and the share of the next one, held at the ends."""
     x = np.clip(x, 0, count - 1)
@@ -292,9 +280,45 @@ def _held(x: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     return i, x - i
 
 
-def _table_angles() -> np.ndarray:
-    """(ANGLES,) angles of the viewer that the sampling tables are made for."""
-    return (np.arange(ANGLES) + 0.5) / ANGLES * (np.pi / 2)
+def _pooled(values: np.ndarray, axis: int, most: int) -> np.ndarray:
+    """Means of equal blocks of cells along an axis, as few cells to a block as leave `most` blocks."""
+    count = values.shape[axis]
+    block = next(size for size in range(-(-count // most), count + 1) if count % size == 0)
+    shape = (*values.shape[:axis], count // block, block, *values.shape[axis + 1 :])
+    return values.reshape(shape).mean(axis + 1)
+
+
+def _reflected(values: np.ndarray, theta: float, fine: int) -> np.ndarray:
+    """(ROWS, COLUMNS, 3) share of the light from one angle that each cell of half-vectors reflects.
+
+    Args:
+        values: a table without missing cells.
+        theta: angle of the viewer.
+        fine: midpoints in a cell across its columns; there are 2 across its rows.
+    """
+    half2, phi = _midpoints(2, fine)
+    sine = 2 * np.sqrt(half2 * (1 - half2))
+    wo = np.array([np.sin(theta), 0.0, np.cos(theta)])
+    total = np.zeros((ROWS, COLUMNS, 3))
+    for side in (1.0, -1.0):
+        around = side * phi
+        h = np.stack(np.broadcast_arrays(sine * np.cos(around), sine * np.sin(around), 1 - 2 * half2), -1)
+        along = h @ wo
+        wi = 2 * along[..., None] * h - wo
+        above = (along > 0) & (wi[..., 2] > 0)
+        lit = wi[above]
+        value = np.zeros((*above.shape, 3))
+        # dω of the light is 4 (wo · h) dω of the half-vector.
+        value[above] = _look_up(values, np.broadcast_to(wo, lit.shape), lit) * (4 * along[above] * lit[:, 2])[:, None]
+        total += value.reshape(ROWS, 2, COLUMNS, fine, 3).mean((1, 3))
+    band = 2 * np.diff(_row_edges())
+    return total * (band * np.pi / COLUMNS)[:, None, None]
+
+
+def albedo_angles() -> np.ndarray:
+    """Angles of the viewer in `BrdfTable.albedos`: the normal, centres of MERL's cells over θ_diff, two at grazing."""
+    centres = (np.arange(MERL_CELLS[1]) + 0.5) / MERL_CELLS[1] * (np.pi / 2)
+    return np.concatenate([[0.0], centres, np.radians([89.75, 89.9])])
 
 
 def _row_edges() -> np.ndarray:
@@ -302,9 +326,10 @@ def _row_edges() -> np.ndarray:
     return np.sin((np.arange(ROWS + 1) / ROWS) ** 2 * (np.pi / 4)) ** 2
 
 
-def _midpoints() -> tuple[np.ndarray, np.ndarray]:
-    """sin²(θ/2) (ROWS · fine, 1) and φ (COLUMNS · fine,) of the midpoints of sampling cells."""
-    share = (np.arange(_FINE) + 0.5) / _FINE
+def _midpoints(across_rows: int, across_columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """sin²(θ/2) (ROWS · n, 1) and φ (COLUMNS · m,) of the midpoints of sampling cells."""
+    share = (np.arange(across_rows) + 0.5) / across_rows
     edges = _row_edges()
     half2 = (edges[:-1, None] * (1 - share) + edges[1:, None] * share).reshape(-1, 1)
-    return half2, (np.arange(COLUMNS * _FINE) + 0.5) / (COLUMNS * _FINE) * np.pi
+    count = COLUMNS * across_columns
+    return half2, (np.arange(count) + 0.5) / count * np.pi
