@@ -17,7 +17,7 @@ LEVELS = (
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
     {"integrators", "upload", "upload_lights", "checks", "receipt"},
-    {"frame", "renderer"},
+    {"frame", "renderer", "gonioreflectometer"},
     {"usd", "cli"},
     {"__init__", "__main__"},
 )

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .camera import Camera
     from .frame import Frame
+    from .gonioreflectometer import measure_brdf
     from .lights import (
         CameraLight,
         CylinderLight,
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
         Shaping,
         SphereLight,
     )
-    from .materials import DisplayColor, PreviewSurface
+    from .materials import BrdfTable, DisplayColor, MeasuredBRDF, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -43,6 +44,7 @@ __version__ = "0.1.0"
 
 #: Public name to the module that it lives in.
 _HOMES = {
+    "BrdfTable": "materials",
     "Camera": "camera",
     "CameraLight": "lights",
     "CylinderLight": "lights",
@@ -52,6 +54,7 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "LightTexture": "lights",
+    "MeasuredBRDF": "materials",
     "MeshLight": "lights",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
@@ -68,11 +71,13 @@ _HOMES = {
     "StageReader": "usd",
     "Texture": "textures",
     "load": "usd",
+    "measure_brdf": "gonioreflectometer",
     "rasterize": "visibility.raster",
     "render": "renderer",
 }
 
 __all__ = [
+    "BrdfTable",
     "Camera",
     "CameraLight",
     "CylinderLight",
@@ -82,6 +87,7 @@ __all__ = [
     "DomeLight",
     "Frame",
     "LightTexture",
+    "MeasuredBRDF",
     "MeshLight",
     "PreviewSurface",
     "PrimvarReader",
@@ -98,6 +104,7 @@ __all__ = [
     "StageReader",
     "Texture",
     "load",
+    "measure_brdf",
     "rasterize",
     "render",
 ]

@@ -63,7 +63,7 @@ class Bsdf:
     """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
 
     `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
-    diffuse part, already scaled by it, leaves to nothing else.
+    diffuse part, already scaled by it, leaves to nothing else. `table` indexes `DeviceScene.brdfs`.
     """
 
     kind: wp.int32
@@ -79,6 +79,7 @@ class Bsdf:
     present: wp.float32
     cover: wp.float32
     pass_through: wp.float32
+    table: wp.int32
 
 
 @wp.struct
@@ -166,7 +167,7 @@ class MaterialRecord:
     """One material: its kind, and values by the input numbers that the kind's file names.
 
     What varies over the surface are the `varying` entries of `DeviceScene.inputs` from number `first` on; the entry
-    of a tangent-space normal is number `normal`, -1 where there is none.
+    of a tangent-space normal is number `normal`, `table` indexes `DeviceScene.brdfs`; -1 where there is none.
     """
 
     kind: wp.int32
@@ -174,6 +175,7 @@ class MaterialRecord:
     first: wp.int32
     varying: wp.int32
     normal: wp.int32
+    table: wp.int32
 
 
 @wp.struct
@@ -219,6 +221,19 @@ class LevelRecord:
     first: wp.int32
     width: wp.int32
     height: wp.int32
+
+
+@wp.struct
+class BrdfRecord:
+    """A measured BRDF: `values` in 1/sr over √θ_half, θ_diff and φ_diff, and tables that half-vectors are drawn from.
+
+    `rows` (A, R + 1) and `columns` (A, R, C + 1) are cumulative distributions over √θ_half and over the angle between
+    the azimuths of half-vector and viewer, for each of A angles of the viewer; rows of 0 have nothing to draw.
+    """
+
+    values: wp.array3d(dtype=wp.vec3)
+    rows: wp.array2d(dtype=wp.float32)
+    columns: wp.array3d(dtype=wp.float32)
 
 
 @wp.struct
@@ -397,6 +412,7 @@ class DeviceScene:
     texels: wp.array(dtype=wp.uint32)
     tiles: wp.array(dtype=wp.int32)
     decode: wp.array(dtype=wp.float32)
+    brdfs: wp.array(dtype=BrdfRecord)
     primvars: wp.array(dtype=PrimvarRecord)
     primvar_count: wp.int32
     display_color: wp.int32

@@ -1,4 +1,4 @@
-"""UsdShade materials that end in a UsdPreviewSurface, or in a surface of MaterialX that is drawn as one."""
+"""UsdShade materials that end in a surface of ours, a UsdPreviewSurface, or one of MaterialX drawn as one."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from dataclasses import Field, fields
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import PreviewSurface
+from ..materials import Material, MeasuredBRDF, PreviewSurface
 from ..materials.inputs import Varying
 from .materialx.inputs import resolve
 from .materialx.surfaces import displacement_input, is_node, is_surface, surface_inputs
 from .reading import Reading, one_line
-from .textures import is_output, producer, read_node
+from .textures import asset_file, is_output, producer, read_node
 
 #: The one input of a surface that moves it, which counts by an output of its own.
 DISPLACEMENT = "displacement"
-#: Ids of the surface that the specification describes, MaterialX's name for it too.
-PREVIEW_SURFACES = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
+#: Kinds of material by shader id, whose inputs have the names of the fields.
+KINDS = {"UsdPreviewSurface": PreviewSurface, "ND_UsdPreviewSurface_surfaceshader": PreviewSurface}
 
 
-def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurface | None:
-    """The material as a `PreviewSurface`; None, with a remark if it names a surface, where it is none.
+def read_material(reading: Reading, material: UsdShade.Material) -> Material | None:
+    """The material; None, with a remark if it names a surface, where it is none of those that are drawn.
 
     A UsdPreviewSurface is what this renderer draws exactly, so it wins over MaterialX where a material has both.
     """
@@ -29,8 +29,13 @@ def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurfa
         for context in ("", "mtlx"):
             shader, _, _ = material.ComputeSurfaceSource(context)
             name = shader.GetShaderId() if shader else ""
-            if name in PREVIEW_SURFACES:
-                return PreviewSurface(**_inputs(reading, shader) | _displacement(reading, material, shader))
+            if name == "warprender:MeasuredBRDF":
+                return _read_measured_brdf(reading, shader)
+            if name in KINDS:
+                inputs = _inputs(reading, shader, KINDS[name])
+                if KINDS[name] is PreviewSurface:
+                    inputs |= _displacement(reading, material, shader)
+                return KINDS[name](**inputs)
             if shader and name and is_surface(shader):
                 return PreviewSurface(**surface_inputs(reading, shader) | _displacement(reading, material, shader))
         _remark_other_surface(reading, material)
@@ -50,11 +55,22 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
         reading.remark(material.GetPrim(), f"surface {contexts[0]} is not drawn yet")
 
 
-def _inputs(reading: Reading, shader: UsdShade.Shader) -> dict[str, object]:
-    """Constants, textures and primvars of the shader's inputs, by field of `PreviewSurface`."""
-    found = {
-        field.name: _input(reading, shader, field) for field in fields(PreviewSurface) if field.name != DISPLACEMENT
-    }
+def _read_measured_brdf(reading: Reading, shader: UsdShade.Shader) -> MeasuredBRDF | None:
+    """The measured material; None, with a remark, where its file cannot be read."""
+    file = asset_file(reading, producer(reading, shader, "file"))
+    if not file:
+        reading.remark(shader.GetPrim(), "warprender:MeasuredBRDF names no file; it is drawn as if unbound")
+        return None
+    try:
+        return MeasuredBRDF(file)
+    except ValueError as error:
+        reading.remark(shader.GetPrim(), f"{error}; it is drawn as if unbound")
+        return None
+
+
+def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> dict[str, object]:
+    """Constants, textures and primvars of the shader's inputs, by field of the kind of material."""
+    found = {field.name: _input(reading, shader, field) for field in fields(kind) if field.name != DISPLACEMENT}
     values = {name: value for name, value in found.items() if value is not None}
     if isinstance(values.get("opacityMode"), Varying):
         reading.remark(shader.GetPrim(), "opacityMode cannot vary; transparent is taken")
