@@ -16,7 +16,7 @@ LEVELS = (
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"integrators", "upload", "upload_lights", "checks", "receipt"},
+    {"integrators", "upload", "upload_lights", "upload_glow", "checks", "receipt"},
     {"frame", "renderer", "gonioreflectometer"},
     {"usd", "cli"},
     {"__init__", "__main__"},
@@ -33,6 +33,7 @@ NEIGHBOURS = {
     ("texture_lookup", "texels"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
+    ("upload_lights", "upload_glow"),
     ("renderer", "frame"),
     ("__main__", "__init__"),
 }
