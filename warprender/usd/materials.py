@@ -7,7 +7,7 @@ from dataclasses import Field, fields
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import Material, MeasuredBRDF, PreviewSurface
+from ..materials import Dielectric, Material, MeasuredBRDF, PreviewSurface
 from ..materials.inputs import Varying
 from .materialx.inputs import resolve
 from .materialx.surfaces import displacement_input, is_node, is_surface, surface_inputs
@@ -17,7 +17,13 @@ from .textures import asset_file, is_output, producer, read_node
 #: The one input of a surface that moves it, which counts by an output of its own.
 DISPLACEMENT = "displacement"
 #: Kinds of material by shader id, whose inputs have the names of the fields.
-KINDS = {"UsdPreviewSurface": PreviewSurface, "ND_UsdPreviewSurface_surfaceshader": PreviewSurface}
+KINDS = {
+    "UsdPreviewSurface": PreviewSurface,
+    "ND_UsdPreviewSurface_surfaceshader": PreviewSurface,
+    "warprender:Dielectric": Dielectric,
+}
+#: Inputs that mean nothing at 0 and below.
+ABOVE_ZERO = {Dielectric: ("ior", "attenuationDistance")}
 
 
 def read_material(reading: Reading, material: UsdShade.Material) -> Material | None:
@@ -34,6 +40,7 @@ def read_material(reading: Reading, material: UsdShade.Material) -> Material | N
             if name in KINDS:
                 inputs = _inputs(reading, shader, KINDS[name])
                 if KINDS[name] is PreviewSurface:
+                    _remark_straight_through(reading, shader, inputs)
                     inputs |= _displacement(reading, material, shader)
                 return KINDS[name](**inputs)
             if shader and name and is_surface(shader):
@@ -75,9 +82,25 @@ def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> 
     if isinstance(values.get("opacityMode"), Varying):
         reading.remark(shader.GetPrim(), "opacityMode cannot vary; transparent is taken")
         del values["opacityMode"]
+    for name in ABOVE_ZERO.get(kind, ()):
+        if not isinstance(values.get(name), Varying) and values.get(name, 1.0) <= 0:
+            reading.remark(shader.GetPrim(), f"{name} is {values.pop(name)!r}, which is not above 0; its default is taken")
     if "normal" in values:
         reading.primvars.setdefault("st", None)
     return values
+
+
+def _remark_straight_through(reading: Reading, shader: UsdShade.Shader, values: dict[str, object]) -> None:
+    """Say that clear surfaces do not bend light, where the stage asks for an index of refraction."""
+    opacity, threshold = values.get("opacity", 1.0), values.get("opacityThreshold", 0.0)
+    clear = isinstance(opacity, Varying) or opacity < 1.0
+    cut_out = isinstance(threshold, Varying) or threshold > 0.0
+    presence = values.get("opacityMode") == "presence"
+    if clear and not cut_out and not presence and values.get("ior", 1.0) != 1.0:
+        reading.remark(
+            shader.GetPrim(),
+            "light goes straight through it, its ior is for reflections alone; a warprender:Dielectric refracts",
+        )
 
 
 def _input(reading: Reading, shader: UsdShade.Shader, field: Field) -> object:
@@ -119,6 +142,6 @@ def _converted(value: object, default: object) -> object:
     if isinstance(default, str):
         return str(value)
     numbers = np.asarray(value, np.float64).reshape(-1)
-    if len(numbers) != np.size(default) or not np.isfinite(numbers).all():
+    if len(numbers) != np.size(default) or not (np.isfinite(numbers) | (numbers == default)).all():
         raise ValueError("not such a value")
     return tuple(map(float, numbers)) if isinstance(default, tuple) else type(default)(numbers[0])
