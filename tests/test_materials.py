@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
+from brdf_tables import few_cells, lobes
 from bsdfs import DELTA, PASS, SCATTER, evaluated, hemisphere, sampled, towards, weights
 from chance import SIGMAS, chi_square
 from hypothesis import given, settings
@@ -24,6 +25,8 @@ LOOKS = {
     "glass": wr.PreviewSurface(opacity=0.25, roughness=0.35),
     "present by half": wr.PreviewSurface(opacity=0.5, opacityMode="presence", roughness=0.35),
     "delta coat": wr.PreviewSurface(roughness=0.5, clearcoat=0.7, clearcoatRoughness=0.0),
+    "measured": wr.MeasuredBRDF(lobes()),
+    "measured, few cells": wr.MeasuredBRDF(few_cells()),
 }
 COSINES = (1.0, 0.7, 0.2)
 
@@ -158,7 +161,9 @@ def test_roughness_below_a_delta_lobes_is_a_mirror():
         ).all()
 
 
-@pytest.mark.parametrize("look", ["plastic", "metal", "coated", "glass", "delta coat"])
+@pytest.mark.parametrize(
+    "look", ["plastic", "metal", "coated", "glass", "delta coat", "measured", "measured, few cells"]
+)
 def test_degenerate_directions_give_numbers(look):
     # S9: no half-vector, grazing to the last bit, and the normal itself.
     edge = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, 0, 1), towards(1e-7), towards(1e-7, 0.3 + np.pi), towards(1e-20)]
