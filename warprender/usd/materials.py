@@ -84,7 +84,8 @@ def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> 
         del values["opacityMode"]
     for name in ABOVE_ZERO.get(kind, ()):
         if not isinstance(values.get(name), Varying) and values.get(name, 1.0) <= 0:
-            reading.remark(shader.GetPrim(), f"{name} is {values.pop(name):g}, not above 0; its fallback is taken")
+            default = getattr(kind, name)
+            reading.remark(shader.GetPrim(), f"{name} is {values.pop(name)!r}; {default!r} is taken")
     if "normal" in values:
         reading.primvars.setdefault("st", None)
     return values
