@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scenes
+import warp as wp
 from pictures import mean_and_error, picture
 from usd_stage import scene_of
 
@@ -45,6 +46,13 @@ def cube(scene, look, scale):
 
 
 SHAPES = (quadric, ball, cube)
+
+
+@wp.func
+def round_box(p: wp.vec3) -> float:
+    q = wp.vec3(wp.abs(p[0]) - 0.5, wp.abs(p[1]) - 0.6, wp.abs(p[2]) - 0.4)
+    outside = wp.length(wp.max(q, wp.vec3(0.0, 0.0, 0.0)))
+    return outside + wp.min(wp.max(q[0], wp.max(q[1], q[2])), 0.0) - 0.2
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
@@ -285,3 +293,13 @@ def test_glass_in_a_stage_is_left_handed_where_it_says():
     right, left = seen("rightHanded", 1), seen("leftHanded", -1)
     np.testing.assert_array_equal(right, left)
     assert np.abs(right - seen("leftHanded", 1)).mean() > 0.1
+
+
+def test_glass_by_a_distance_function_disappears_too():
+    scene = in_white()
+    scene.add_sdf("/glass", round_box, [(-1, -1, -1), (1, 1, 1)], material=wr.Dielectric())
+    renderer = wr.Renderer(
+        scene, scenes.camera((1.0, 1.5, 4.0)), (24, 24), sampler="independent", bounces=1000, **SHOWN
+    )
+    color = renderer.render(samples=64).numpy("color")
+    np.testing.assert_allclose(color, 1.0, atol=1e-4)
