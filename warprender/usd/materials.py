@@ -30,6 +30,7 @@ def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurfa
             shader, _, _ = material.ComputeSurfaceSource(context)
             name = shader.GetShaderId() if shader else ""
             if name in PREVIEW_SURFACES:
+                _remark_unknown(reading, material, shader)
                 return PreviewSurface(**_inputs(reading, shader) | _displacement(reading, material, shader))
             if shader and name and is_surface(shader):
                 return PreviewSurface(**surface_inputs(reading, shader) | _displacement(reading, material, shader))
@@ -37,6 +38,16 @@ def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurfa
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
     return None
+
+
+def _remark_unknown(reading: Reading, material: UsdShade.Material, shader: UsdShade.Shader) -> None:
+    """Name what a material asks for beside its surface, and inputs that the surface does not have."""
+    if material.ComputeVolumeSource()[0]:
+        reading.remark(material.GetPrim(), "its volume is not drawn")
+    known = {field.name for field in fields(PreviewSurface)} | {"occlusion"}
+    for source in shader.GetInputs():
+        if source.GetBaseName() not in known and source.GetAttr().HasAuthoredValue():
+            reading.remark(shader.GetPrim(), f"UsdPreviewSurface has no input {source.GetBaseName()}")
 
 
 def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None:
@@ -48,6 +59,8 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
     contexts = [str(o.GetBaseName()) for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
     if contexts:
         reading.remark(material.GetPrim(), f"surface {contexts[0]} is not drawn yet")
+    elif material.ComputeVolumeSource()[0]:
+        reading.remark(material.GetPrim(), "its volume is not drawn")
 
 
 def _inputs(reading: Reading, shader: UsdShade.Shader) -> dict[str, object]:

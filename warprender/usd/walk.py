@@ -80,6 +80,8 @@ def walk(reading: Reading) -> Iterator[Visit]:
                 for prototype, frame in reversed(prototypes or []):
                     stack.append(_Step(prototype, np.eye(4), frame, purpose, IN_PROTOTYPE, mode))
             continue
+        if not _is_known(prim):
+            reading.remark(prim, f"{prim.GetTypeName()} is no type that this USD knows; it is passed over")
         if _is_drawable(prim) and _is_included(reading, purpose):
             yield Visit(prim, local, step.frame)
         for child in reversed(prim.GetFilteredChildren(step.predicate)):
@@ -88,6 +90,11 @@ def walk(reading: Reading) -> Iterator[Visit]:
 
 def _is_drawable(prim: Usd.Prim) -> bool:
     return prim.IsA(UsdGeom.Gprim) or is_light(prim)
+
+
+def _is_known(prim: Usd.Prim) -> bool:
+    name = prim.GetTypeName()
+    return not name or Usd.SchemaRegistry().FindConcretePrimDefinition(name) is not None
 
 
 def is_light(prim: Usd.Prim) -> bool:
