@@ -58,7 +58,10 @@ STAGES = {
     "volume shaders": (bound(identifier="PxrVolume", output="volume"), "/m: its volume is not drawn"),
     "unknown inputs": (bound("float inputs:subsurface = 0.5"), "/m/s: UsdPreviewSurface has no input subsurface"),
     "a mode that varies": (
-        bound("token inputs:opacityMode.connect = </m/r.outputs:result>", extra=READER.replace("token inputs", "string inputs")),
+        bound(
+            "token inputs:opacityMode.connect = </m/r.outputs:result>",
+            extra=READER.replace("token inputs", "string inputs"),
+        ),
         "/m/s: opacityMode cannot vary",
     ),
     "textures of textures": (
