@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
+from bsdfs import towards
 from chance import chi_square_of_directions
 from pictures import mean_and_error, picture
-from test_materials import towards
 
 import warprender as wr
 from warprender.materials.dispatch import material_functions

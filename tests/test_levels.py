@@ -16,8 +16,8 @@ LEVELS = (
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"integrators", "upload", "upload_lights", "checks", "receipt"},
-    {"frame", "renderer"},
+    {"integrators", "upload", "upload_lights", "upload_glow", "checks", "receipt"},
+    {"frame", "renderer", "gonioreflectometer"},
     {"usd", "cli"},
     {"__init__", "__main__"},
 )
@@ -33,6 +33,7 @@ NEIGHBOURS = {
     ("texture_lookup", "texels"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
+    ("upload_lights", "upload_glow"),
     ("renderer", "frame"),
     ("__main__", "__init__"),
 }

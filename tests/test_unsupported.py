@@ -38,25 +38,22 @@ PATCH = """def NurbsPatch "n" { int uVertexCount = 2
     int[] trimCurve:counts = [1]
     int[] trimCurve:orders = [2]
     int[] trimCurve:vertexCounts = [2] }"""
-CARDS = """def Xform "x" ( kind = "component"
-    prepend apiSchemas = ["GeomModelAPI"] ) { uniform token model:drawMode = "cards"
-    bool model:applyDrawMode = 1
-    asset model:cardTextureXPos = @none.png@
-    float3[] extentsHint = [(0, 0, 0), (1, 1, 1)]
-    def Sphere "s" { } }"""
 
 STAGES = {
     "volumes": ('def Volume "v" { }', "/v: Volume is not drawn yet"),
     "splats": ('def ParticleField3DGaussianSplat "v" { }', "/v: ParticleField3DGaussianSplat is not drawn yet"),
     "light filters": ('def SphereLight "l" { rel light:filters = </f> }', "/l: light:filters is not drawn yet"),
-    "portals": ('def PortalLight "p" { }', "/p: a portal only guides"),
+    "portals": ('def PortalLight "p" { }', "/p: no dome names it"),
     "plug-in lights": ('def PluginLight "p" { }', "/p: PluginLight is not drawn yet"),
-    "unknown types": ('def PxrEnvDayLight "p" { float inputs:intensity = 1 }', "/p: PxrEnvDayLight is no type"),
+    "unknown types": (
+        'def PxrEnvDayLight "p" { float inputs:intensity = 1 }',
+        "/p: its type PxrEnvDayLight is not",
+    ),
     "other renderers' surfaces": (bound(identifier="PxrSurface", output="ri:surface"), "/m: surface ri:surface is not"),
     "unknown surfaces": (bound(identifier="Mine"), "/m: surface Mine is not drawn yet"),
     "MaterialX surfaces": (bound(identifier="ND_lama", output="mtlx:surface"), "/m: surface ND_lama is not drawn yet"),
     "volume shaders": (bound(identifier="PxrVolume", output="volume"), "/m: its volume is not drawn"),
-    "unknown inputs": (bound("float inputs:subsurface = 0.5"), "/m/s: UsdPreviewSurface has no input subsurface"),
+    "unknown inputs": (bound("float inputs:subsurface = 0.5"), "/m/s: PreviewSurface has no input subsurface"),
     "a mode that varies": (
         bound(
             "token inputs:opacityMode.connect = </m/r.outputs:result>",
@@ -73,7 +70,6 @@ STAGES = {
     ),
     "glowing quadrics": ('def Sphere "s" ( prepend apiSchemas = ["MeshLightAPI"] ) { }', "/s: only meshes shine"),
     "trims": (PATCH, "/n: its trim curves are not drawn"),
-    "card textures": (CARDS, "/x: its cards are drawn without their textures"),
     "old names of lights": (
         'def SphereLight "l" { float intensity = 3\nfloat radius = 2\ncolor3f color = (1, 0, 0) }',
         "/l: its inputs have the names of before OpenUSD 21.05",

@@ -7,8 +7,8 @@ furnaces for S5 in `tests/test_pictures_furnace.py` and `tests/test_energy_compe
 import numpy as np
 import pytest
 import scenes
+from bsdfs import SCATTER, evaluated, hemisphere, sampled, towards, weights
 from pictures import outputs, picture
-from test_materials import SCATTER, evaluated, hemisphere, sampled, towards, weights
 
 import warprender as wr
 from warprender.checks import check

@@ -12,14 +12,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..shapes import Mesh, Primvar, Sphere
+from ..shapes import Mesh, Primvar, Sdf, Sphere
 from ..shapes.tangents import corner_angles, corner_normals
 from ..texture_lookup import sampled
 from ..textures import CHANNELS, PrimvarReader, Texture
 from .inputs import Number
 
 
-def displaced(shape: Mesh | Sphere, material: Number, by_faces: Mapping[str, Number] | None = None) -> Mesh | Sphere:
+def displaced(
+    shape: Mesh | Sphere | Sdf, material: Number, by_faces: Mapping[str, Number] | None = None
+) -> Mesh | Sphere:
     """A copy of a shape whose points are moved; normals turn as the surface does.
 
     Args:
@@ -30,6 +32,8 @@ def displaced(shape: Mesh | Sphere, material: Number, by_faces: Mapping[str, Num
     Raises:
         ValueError: the shape cannot be displaced so, or a texture cannot be read.
     """
+    if isinstance(shape, Sdf):
+        raise ValueError("a signed distance function has no points that a displacement could move")
     if isinstance(shape, Sphere):
         if isinstance(material, Texture | PrimvarReader):
             raise ValueError("a sphere has no points that a displacement which varies could move")
