@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import Field, fields
+from dataclasses import Field, fields, replace
 
 import numpy as np
 from pxr import Tf, UsdShade
@@ -10,7 +10,7 @@ from pxr import Tf, UsdShade
 from ..materials import Dielectric, Material, MeasuredBRDF, PreviewSurface
 from ..materials.inputs import Varying
 from .materialx.inputs import resolve
-from .materialx.surfaces import displacement_input, is_node, is_surface, surface_inputs
+from .materialx.surfaces import displacement_input, is_node, is_surface, read_surface
 from .reading import Reading, one_line
 from .textures import asset_file, is_output, producer, read_node
 
@@ -45,11 +45,22 @@ def read_material(reading: Reading, material: UsdShade.Material) -> Material | N
                     inputs |= _displacement(reading, material, shader)
                 return KINDS[name](**inputs)
             if shader and name and is_surface(shader):
-                return PreviewSurface(**surface_inputs(reading, shader) | _displacement(reading, material, shader))
+                return _displaced(reading, material, shader, read_surface(reading, shader))
         _remark_other_surface(reading, material)
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
     return None
+
+
+def _displaced(
+    reading: Reading, material: UsdShade.Material, shader: UsdShade.Shader, drawn: PreviewSurface | Dielectric
+) -> PreviewSurface | Dielectric:
+    """A surface of MaterialX's with the material's displacement; a remark where it cannot have one."""
+    displacement = _displacement(reading, material, shader)
+    if displacement and isinstance(drawn, Dielectric):
+        reading.remark(material.GetPrim(), "its displacement is not drawn where light is refracted")
+        return drawn
+    return replace(drawn, **displacement)
 
 
 def _remark_unknown(
