@@ -4,8 +4,7 @@
 
 Each case writes its stage to a temporary folder, then reads and renders it in a process of its own: CPU seconds (of
 all threads) and seconds to read the stage, to build (upload, trees) and to render, and the largest memory that the
-process had after each step. The
-kernels are compiled before by a small stage of the same kinds, which is not counted.
+process had after each step. The kernels are compiled before by a small stage of the same kinds, which is not counted.
 """
 
 import argparse
@@ -112,9 +111,8 @@ def main():
             for stage, count in zip(stages, counts, strict=True):
                 write_stage(stage, case, count)
             triangles = 12 * SIDES[case] ** 2
-            print(
-                f"\n{case}: {counts[0]:,} of {triangles:,} triangles\n\n| step | CPU seconds | seconds | peak MiB |\n|---|---|---|---|"
-            )
+            print(f"\n{case}: {counts[0]:,} of {triangles:,} triangles\n")
+            print("| step | CPU seconds | seconds | peak MiB |\n|---|---|---|---|", flush=True)
             command = [sys.executable, __file__, "--case", case, "--measure", *stages]
             command += ["--width", str(args.width), "--samples", str(args.samples)]
             subprocess.run(command + (["--pictures", args.pictures] if args.pictures else []), check=True)
