@@ -8,7 +8,7 @@ import numpy as np
 
 from .camera import Camera, DataWindow
 from .scene import Placement, Scene, SceneError
-from .shapes import Mesh
+from .shapes import Mesh, Sdf
 
 #: usdrecord's width of pictures.
 DEFAULT_WIDTH = 960
@@ -114,6 +114,10 @@ def _bounds(placement: Placement) -> np.ndarray | None:
         if not len(used):
             return None
         low, high = used.min(0).astype(np.float64), used.max(0).astype(np.float64)
+    elif isinstance(shape, Sdf):
+        low, high = shape.bounds
+        if not np.isfinite(shape.bounds).all():
+            return None
     else:
         low, high = np.full(3, -shape.radius), np.full(3, shape.radius)
     matrices = placement.transforms

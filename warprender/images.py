@@ -262,7 +262,7 @@ def read_picture(path: str) -> Picture:
     Raises:
         ValueError: the file is missing, is no image or has no pixels; the message names it.
     """
-    with _unpacked(path) as file:
+    with unpacked(path) as file:
         source = _open_as_stored(file, path)
         spec = source.spec()
         kind = spec.format.basetype
@@ -289,7 +289,7 @@ class PictureHeader:
 
 def picture_header(path: str) -> PictureHeader:
     """The header of the file that `read_picture` reads; raises as it does."""
-    with _unpacked(path) as file:
+    with unpacked(path) as file:
         spec = _open_as_stored(file, path).spec()
         itemsize = np.dtype(_KEPT_TYPES.get(spec.format.basetype, np.float32)).itemsize
         return PictureHeader(spec.height, spec.width, itemsize, {a.name: a.value for a in spec.extra_attribs})
@@ -328,8 +328,8 @@ def _package_chain(path: str) -> list[str]:
 
 
 @contextmanager
-def _unpacked(path: str) -> Iterator[str]:
-    """The path of a file that OpenImageIO can open; a copy in the temporary folder for one in a package.
+def unpacked(path: str) -> Iterator[str]:
+    """The path of a file that can be opened; a copy in the temporary folder for one in a package.
 
     OpenImageIO reads from memory too, but its Python package does not offer it.
     """

@@ -126,7 +126,7 @@ class Renderer:
         lights = lit(scene, with_camera_light)
         if with_camera_light:
             camera_light_at(lights["camera light"], self.camera.transform)
-        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes)
+        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes, self.plan.sdfs)
         self._upload.record.energy_compensation = int(energy_compensation)
         for warning in self._upload.warnings:
             scene.warn(warning)
@@ -195,7 +195,7 @@ class Renderer:
         if self.plan.visibility == "rays":
             return RayHits(scene, camera, effects, self.device, self.plan.outputs.sdfs)
         bounds, painter = self._upload.bounds - self._upload.origin, self.plan.visibility == "painter"
-        return RasterHits(scene, self._upload.geometries, bounds, camera, effects, self.device, painter)
+        return RasterHits(scene, self._upload.geometries, bounds, camera, effects, self.device, painter, self.plan.sdfs)
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:

@@ -15,7 +15,9 @@ import warp as wp
 from .camera import Camera
 from .lights import Light
 from .materials import DisplayColor, Material
-from .shapes import Mesh, Primvar, Sphere
+from .materials.displacement import displaced
+from .materials.inputs import Varying
+from .shapes import Mesh, Primvar, Sdf, Sphere
 
 
 class SceneError(ValueError):
@@ -35,7 +37,7 @@ class Placement:
     """
 
     path: str
-    shape: Mesh | Sphere
+    shape: Mesh | Sphere | Sdf
     transforms: np.ndarray
     material: str = ""
     instance_ids: np.ndarray | None = None
@@ -153,7 +155,7 @@ class Scene:
         path: str,
         points: np.ndarray | wp.array,
         faces: np.ndarray | Sequence,
-        material: Material | None = None,
+        material: Material | str | None = None,
         pose: object = None,
         normals: np.ndarray | None = None,
         color: np.ndarray | Sequence | None = None,
@@ -167,7 +169,9 @@ class Scene:
                 which is used in place, not copied.
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
-            material: None draws `color` as a Lambert surface.
+            material: None draws `color` as a Lambert surface; a path takes
+                the material of the scene that other prims are bound to. One with a
+                displacement moves a copy of the points.
             pose: object to world: `wp.transformf`, seven numbers (position, quaternion xyzw), a (4, 4) matrix for
                 row vectors (p' = p M, translation in the last row), or None for the identity.
             normals: (N, 3) shading normals in object space, of any length, or None for flat shading.
@@ -200,6 +204,7 @@ class Scene:
             if st.shape != (len(host), 2):
                 raise SceneError(f"{path}: st has shape {st.shape}, not {(len(host), 2)}")
             mesh.primvars["st"] = Primvar(st, "vertex")
+        mesh = self._displaced(path, mesh, material)
         self._place(path, mesh, material, pose)
         return mesh
 
@@ -207,7 +212,7 @@ class Scene:
         self,
         path: str,
         radius: float = 1.0,
-        material: Material | None = None,
+        material: Material | str | None = None,
         pose: object = None,
         color: Sequence | None = None,
     ) -> Sphere:
@@ -230,8 +235,55 @@ class Scene:
         sphere = Sphere(radius)
         if color is not None:
             sphere.primvars["displayColor"] = _vectors(path, "color", color, 1)
+        sphere = self._displaced(path, sphere, material)
         self._place(path, sphere, material, pose)
         return sphere
+
+    def add_sdf(
+        self,
+        path: str,
+        distance: wp.Function | np.ndarray,
+        bounds: np.ndarray | Sequence,
+        material: Material | str | None = None,
+        pose: object = None,
+        color: Sequence | None = None,
+        lipschitz: float = 1.0,
+        precision: float | None = None,
+        parameters: Sequence[float] = (),
+    ) -> Sdf:
+        """Add a solid given by a signed distance: negative inside, positive outside.
+
+        Args:
+            path: prim path, unique in the scene.
+            distance: a `wp.func` of a `wp.vec3` in object space, or of that and `parameters` as a `wp.vec4`, that
+                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds.
+            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end.
+            material: as in `add_mesh`.
+            pose: as in `add_mesh`.
+            color: one (3,) colour, as in `add_mesh`.
+            lipschitz: the function changes by no more than this times the way; 1 for true distances. Samples
+                have their own.
+            precision: thinner parts than this may be missed, in object space; None takes 2^-16 of the diagonal.
+            parameters: up to four numbers for `distance`; `Sdf.parameters` may change.
+
+        Returns:
+            The solid.
+
+        Raises:
+            SceneError: the path is taken, or an argument is not as described; no material has this path.
+        """
+        self._claim(path)
+        given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
+        try:
+            sdf = Sdf(bounds=bounds, lipschitz=lipschitz, precision=precision, parameters=tuple(parameters), **given)
+        except (TypeError, ValueError) as error:
+            raise SceneError(f"{path}: {error}") from None
+        if fault := sdf.fault():
+            raise SceneError(f"{path}: {fault}")
+        if color is not None:
+            sdf.primvars["displayColor"] = _vectors(path, "color", color, 1)
+        self._place(path, self._displaced(path, sdf, material), material, pose)
+        return sdf
 
     def add_instances(self, path: str, prototype: str, poses: Sequence | np.ndarray) -> Placement:
         """Draw the shape of the prim `prototype` once more for each pose; it is stored once.
@@ -304,9 +356,28 @@ class Scene:
         if path in self.placements or path in self.lights or path in self.cameras:
             raise SceneError(f"{path}: the path is already in the scene")
 
-    def _place(self, path: str, shape: Mesh | Sphere, material: Material | None, pose: object) -> None:
+    def _displaced(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None) -> Mesh | Sphere | Sdf:
+        """The shape with its points moved as its material says; unmoved, with a warning, where they cannot be."""
+        material = self.materials.get(material) if isinstance(material, str) else material
+        displacement = getattr(material, "displacement", 0.0)
+        if not isinstance(displacement, Varying) and displacement == 0.0:
+            return shape
+        if isinstance(getattr(shape, "points", None), wp.array):
+            self.warn(f"{path}: it is not displaced: its points are used in place")
+            return shape
+        try:
+            return displaced(shape, displacement)
+        except ValueError as error:
+            self.warn(f"{path}: it is drawn without its displacement: {error}")
+            return shape
+
+    def _place(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None, pose: object) -> None:
         key = ""
-        if material is not None:
+        if isinstance(material, str):
+            key = material
+            if key not in self.materials:
+                raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
+        elif material is not None:
             key = f"{path}/material"
             self.materials[key] = material
         self.placements[path] = Placement(path, shape, pose_matrix(pose, path)[None], key)

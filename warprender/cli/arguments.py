@@ -12,14 +12,15 @@ _COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 def add_picture_arguments(parser: argparse.ArgumentParser) -> None:
     """STAGE and every flag that says which picture of it is meant."""
     parser.add_argument("stage", metavar="STAGE", help="USD file")
-    _add_stage_arguments(parser.add_argument_group("stage"))
+    add_stage_arguments(parser.add_argument_group("stage"))
     _add_view_arguments(parser.add_argument_group("view"))
     _add_light_arguments(parser.add_argument_group("lights"))
     _add_accuracy_arguments(parser.add_argument_group("accuracy"))
-    _add_device_arguments(parser.add_argument_group("device"))
+    add_device_arguments(parser.add_argument_group("device"))
 
 
-def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
+def add_stage_arguments(group: argparse._ArgumentGroup) -> None:
+    """Flags that say which part or variant of the stage is meant, and at which time."""
     group.add_argument(
         "--mask", type=names, metavar="PRIMPATH[,PRIMPATH...]", help="draw these prims and what is below them"
     )
@@ -180,7 +181,8 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def _add_device_arguments(group: argparse._ArgumentGroup) -> None:
+def add_device_arguments(group: argparse._ArgumentGroup) -> None:
+    """Flags that say where it runs."""
     group.add_argument("--device", default="cpu", metavar="NAME", help="Warp device, as cpu or cuda:0 (default: cpu)")
     group.add_argument(
         "--disableGpu", dest="device", action="store_const", const="cpu", help="the same as --device cpu"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
+from ..materials.inputs import Number, Varying
 from ..scene import RenderSettings
 from .materials import read_material
 from .reading import Reading, shared_prim
@@ -55,6 +56,11 @@ class Bindings:
         """Materials of the prim itself and of its subsets in order, () without subsets."""
         subsets = [self.key(subset.GetPrim()) for subset in material_subsets(prim)]
         return (self.key(prim), *subsets) if subsets else ()
+
+    def displacements(self, keys: Iterable[str]) -> dict[str, Number]:
+        """Displacement by material key, of those of the keys whose material displaces."""
+        found = {key: getattr(self._reading.scene.materials.get(key), "displacement", 0.0) for key in keys}
+        return {key: value for key, value in found.items() if isinstance(value, Varying) or value != 0.0}
 
     def face_materials(self, prim: Usd.Prim, faces: int) -> dict[str, np.ndarray]:
         """Material key to the faces that a GeomSubset gives it; a face belongs to its first subset.

@@ -12,6 +12,8 @@ from pxr import Tf, Usd, UsdGeom
 from ..scene import RenderSettings, Scene, SceneError
 from .binding import Bindings
 from .cameras import read_cameras
+from .lights import remark_on_portals
+from .materialx.references import is_about_documents, resolved_stage
 from .passes import read_pass
 from .placing import mark_sound, place_lights, place_mesh_light, place_shape
 from .reading import Diagnostics, Reading, one_line
@@ -19,7 +21,7 @@ from .settings import read_settings
 from .skeletons import find_skins
 from .stage import open_stage, read_metadata
 from .stillness import still_shapes
-from .walk import is_light, is_mesh_light, walk
+from .walk import is_light, is_mesh_light, is_portal, walk
 
 #: What usdrecord draws besides `default`.
 PURPOSES = ("proxy",)
@@ -108,7 +110,8 @@ class StageReader:
         self._purposes, self._level, self._draw_modes = _purposes(purposes), _level(complexity), draw_modes
         self._last: Reading | None = None
         with Diagnostics() as self._opening, _as_scene_errors(path):
-            self._stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
+            stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
+            self._stage, self._unread = resolved_stage(stage)
 
     def read(self, time: float | Usd.TimeCode | None = None) -> Scene:
         """The scene at a time code.
@@ -129,8 +132,10 @@ class StageReader:
             self._read_settings(reading)
             _read(reading)
         for line in self._opening.lines + diagnostics.lines:
-            if HARMLESS not in line:
+            if HARMLESS not in line and not is_about_documents(line):
                 reading.scene.warn(line)
+        for line in self._unread:
+            reading.scene.warn(line)
         self._last = reading
         return reading.scene
 
@@ -188,8 +193,9 @@ def _read(reading: Reading) -> None:
     for visit in shapes:
         reading.attempt(visit.prim, place_shape, visit, bindings)
     for visit in visits:
-        if is_light(visit.prim) and visit.draw_mode == "default":
+        if is_light(visit.prim) and not is_portal(visit.prim) and visit.draw_mode == "default":
             reading.attempt(visit.prim, place_lights, visit)
+    remark_on_portals(reading, [v.prim for v in visits if is_portal(v.prim)])
     for prim in {v.prim.GetPath(): v.prim for v in shapes if is_mesh_light(v.prim)}.values():
         reading.attempt(prim, place_mesh_light, prim)
     scene.bounds = _world_bounds(reading)

@@ -48,6 +48,7 @@ class Reading:
         placed: placement's path to the paths of its prim and of the instancers that draw it.
         light_textures: pictures on lights read so far, by file and format; None for one that cannot be read.
         profiles: photometric profiles read so far, by file; None for one that cannot be read.
+        portals: PortalLights that domes name.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
         remarks: message to the prims that it is about: the path that stands in the scene, by the path of the
             prim itself, which instances share.
@@ -69,6 +70,7 @@ class Reading:
     placed: dict[str, tuple[Sdf.Path, ...]] = field(default_factory=dict)
     light_textures: dict[tuple[str, str], LightTexture | None] = field(default_factory=dict)
     profiles: dict[str, IesProfile | None] = field(default_factory=dict)
+    portals: set[Sdf.Path] = field(default_factory=set)
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def remark(self, prim: Usd.Prim, message: str) -> None:

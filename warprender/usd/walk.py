@@ -120,6 +120,11 @@ def is_light(prim: Usd.Prim) -> bool:
     return prim.HasAPI("LightAPI") and not prim.IsA(UsdGeom.Gprim)
 
 
+def is_portal(prim: Usd.Prim) -> bool:
+    """Whether the prim is a portal, which gives no light of its own."""
+    return prim.GetTypeName() == "PortalLight"
+
+
 def is_mesh_light(prim: Usd.Prim) -> bool:
     """Whether the prim is geometry that shines by MeshLightAPI, or LightAPI alone."""
     return prim.HasAPI("LightAPI") and prim.IsA(UsdGeom.Gprim)
