@@ -27,9 +27,8 @@ def add_stage_arguments(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--purposes",
         type=names,
-        default=["proxy"],
         metavar="PURPOSE[,PURPOSE...]",
-        help="purposes drawn besides default (default: proxy)",
+        help="purposes drawn besides default (default: the render settings' includedPurposes, or proxy)",
     )
     group.add_argument("--disableDrawMode", action="store_true", help="draw models that ask for boxes or cards in full")
     group.add_argument("--sessionLayer", metavar="FILE", help="open the stage with this session layer")
@@ -41,7 +40,20 @@ def add_stage_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="/PRIM:SET=VALUE",
         help="select a variant; may be repeated",
     )
-    group.add_argument("--renderSettingsPrimPath", "-rs", metavar="PRIMPATH", help="RenderSettings prim")
+    settings = group.add_mutually_exclusive_group()
+    settings.add_argument("--renderSettingsPrimPath", "-rs", metavar="PRIMPATH", help="RenderSettings prim")
+    settings.add_argument(
+        "--renderPassPrimPath",
+        "-rp",
+        metavar="PRIMPATH",
+        help="RenderPass prim: its RenderSettings, without what it prunes or hides",
+    )
+    group.add_argument(
+        "--resolver",
+        choices=("root", "inherit"),
+        default="root",
+        help="read for usdrecord's sake; asset paths are resolved from the root layer",
+    )
     group.add_argument(
         "--complexity",
         "-c",
@@ -98,9 +110,10 @@ def _add_view_arguments(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--colorCorrectionMode",
         "-color",
-        choices=("disabled", "sRGB"),
+        choices=("disabled", "sRGB", "openColorIO"),
         default="sRGB",
-        help="colours of 8-bit pictures; .exr and .hdr stay linear (default: sRGB)",
+        help="colours of 8-bit pictures; openColorIO takes the default view of the configuration that $OCIO names; "
+        ".exr and .hdr stay linear (default: sRGB)",
     )
 
 
@@ -178,6 +191,11 @@ def add_device_arguments(group: argparse._ArgumentGroup) -> None:
         "--threads", type=positive_int, metavar="COUNT", help="CPU threads (default: all cores); changes no pixel"
     )
     group.add_argument("--renderer", "-r", metavar="NAME", help="read for usdrecord's sake; there is one renderer here")
+    group.add_argument("--traceToFile", metavar="FILE", help="write what USD did, and how long it took")
+    group.add_argument(
+        "--traceFormat", choices=("chrome", "trace"), default="chrome", help="as JSON or as text (default: chrome)"
+    )
+    group.add_argument("--memstats", action="store_true", help="read for usdrecord's sake; it counts nothing here")
 
 
 def names(text: str) -> list[str]:
