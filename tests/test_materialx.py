@@ -373,6 +373,11 @@ def test_a_coat_that_is_off_names_nothing():
         (node("n", "add_color3", link("color3f", "in1", "n")), "/m/n: it is connected to itself"),
         (node("n", "image_color3", ""), "/m/n: it names no file; its default is taken"),
         (node("n", "geompropvalue_color3", ""), "/m/n: it names no primvar"),
+        (node("n", "constant_color3", "color3f inputs:value = (nan, 0, 0)\n"), "/m/n: value is not finite"),
+        (
+            node("n", "add_color3", "color3f inputs:in1 = (1, 1, 1)\nfloat2 inputs:in2 = (1, 1)\n"),
+            "/m/n: its inputs do not fit together: operands could not be broadcast together with shapes (1,3) (1,2)",
+        ),
     ],
 )
 def test_nodes_that_cannot_be_drawn_are_named(nodes, message):
