@@ -18,7 +18,7 @@ LEVELS = (
     {"visibility", "film"},
     {"integrators", "upload", "upload_lights", "checks", "receipt"},
     {"frame", "renderer"},
-    {"usd", "cli"},
+    {"usd", "study", "cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
@@ -32,6 +32,7 @@ NEIGHBOURS = {
     ("plan", "emitters"),
     ("upload", "upload_lights"),
     ("renderer", "frame"),
+    ("cli", "study"),
     ("__main__", "__init__"),
 }
 EDGES = {"usd", "cli"}

@@ -350,7 +350,7 @@ def _unstack(channels: tuple[str, ...], pixels: np.ndarray) -> dict[str, np.ndar
         members.setdefault(layer or "color", []).append((letter, index))
     layers = {}
     for layer, found in members.items():
-        order = [index for _, index in sorted(found, key=lambda c: "RGBAXYZ".find(c[0]))]
+        order = [index for _, index in sorted(found, key=lambda c: "XYZRGBA".find(c[0]))]
         layers[layer] = pixels[..., order] if len(order) > 1 else pixels[..., order[0]]
     return layers
 
