@@ -63,7 +63,7 @@ def differences(picture: np.ndarray, reference: np.ndarray) -> Differences:
 
 
 def difference(picture: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """picture − reference as float64; 0 where both hold the same value, inf where one of a pair is not finite.
+    """Picture − reference as float64; 0 where both hold the same value, inf where one of a pair is not finite.
 
     Raises:
         ValueError: the shapes differ.
