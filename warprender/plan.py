@@ -10,6 +10,7 @@ import math
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
+import warp as wp
 
 from .camera import Camera
 from .emitters import lit
@@ -55,6 +56,7 @@ class PathKey:
     sampled_lights: bool
     straight_through: bool
     features: tuple[str, ...] = ()
+    sdfs: tuple[wp.Function, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class OutputsKey:
     outputs: tuple[str, ...]
     straight_through: bool
     features: tuple[str, ...] = ()
+    sdfs: tuple[wp.Function, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from .film import Film
 from .frame import Frame
 from .framing import choose_camera, choose_resolution
 from .integrators.none import launch_outputs
-from .integrators.path import PathRequest, launch_path
+from .integrators.path import radiance_function
+from .integrators.samples import PathRequest, launch_samples
 from .launch import thread_count
 from .outputs import OutputBuffers, cleared_outputs
 from .plan import RenderPlan, Request, analyse
@@ -188,7 +189,7 @@ class Renderer:
     def _see(self) -> FirstHits:
         scene, camera, effects = self._upload.record, self._camera_record, self.plan.outputs.camera
         if self.plan.visibility == "rays":
-            return RayHits(scene, camera, effects, self.device)
+            return RayHits(scene, camera, effects, self.device, self.plan.outputs.sdfs)
         bounds, painter = self._upload.bounds - self._upload.origin, self.plan.visibility == "painter"
         return RasterHits(scene, self._upload.geometries, bounds, camera, effects, self.device, painter)
 
@@ -249,7 +250,9 @@ class Renderer:
     def _pass(self, request: PathRequest, first_sample: int, samples: int) -> None:
         request.first_sample, request.samples = first_sample, samples
         scene, camera, film = self._upload.record, self._camera_record, self._film.record
-        launch_path(self.plan.path, scene, camera, request, film, self.device, self.threads)
+        key = self.plan.path
+        radiance = radiance_function(key)
+        launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads)
         wp.synchronize_device(self.device)
 
     def _frame(self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool) -> Frame:

@@ -13,7 +13,8 @@ from ..camera import camera_ray_function
 from ..launch import launch_pixels
 from ..records import CameraRecord, DeviceScene, GeometryRecord, Hit
 from .raster import DrawList, Raster, Triangles
-from .rays import closest, miss
+from .rays import miss
+from .sdf import ray_functions
 
 
 class FirstHits(Protocol):
@@ -26,9 +27,16 @@ class FirstHits(Protocol):
 class RayHits:
     """First hits by one ray a pixel."""
 
-    def __init__(self, scene: DeviceScene, camera: CameraRecord, effects: tuple[str, ...], device: str) -> None:
-        """`effects` are the camera's, by name."""
-        self._kernel = _ray_kernel(effects)
+    def __init__(
+        self,
+        scene: DeviceScene,
+        camera: CameraRecord,
+        effects: tuple[str, ...],
+        device: str,
+        sdfs: tuple[wp.Function, ...] = (),
+    ) -> None:
+        """`effects` are the camera's, by name; `sdfs` the signed distance functions that occur."""
+        self._kernel = _ray_kernel(effects, sdfs)
         self._scene, self._camera = scene, camera
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
 
@@ -56,6 +64,7 @@ class RasterHits:
         effects: tuple[str, ...],
         device: str,
         painter: bool = False,
+        sdfs: tuple[wp.Function, ...] = (),
     ) -> None:
         """For a scene at rest.
 
@@ -67,6 +76,7 @@ class RasterHits:
             effects: the camera's, by name.
             device: of the scene.
             painter: draw by the painter's algorithm, without a depth buffer.
+            sdfs: the signed distance functions that occur; rays find them.
 
         Raises:
             ValueError: more triangles than int32 can number.
@@ -87,7 +97,7 @@ class RasterHits:
             by_ray[top:bottom, left:right] = 1
         self._by_ray = wp.array(by_ray, dtype=wp.uint8, device=device)
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
-        self._kernel = _raster_kernel(effects, bool(len(boxes)))
+        self._kernel = _raster_kernel(effects, bool(len(boxes)), sdfs)
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """See `FirstHits`."""
@@ -157,8 +167,9 @@ def _triangles(geometry: GeometryRecord, device: str) -> Triangles:
 
 
 @cache
-def _ray_kernel(effects: tuple[str, ...]) -> wp.Kernel:
+def _ray_kernel(effects: tuple[str, ...], sdfs: tuple[wp.Function, ...]) -> wp.Kernel:
     camera_ray = camera_ray_function(effects)
+    closest, _, _ = ray_functions(sdfs)
 
     @wp.kernel(module="unique", enable_backward=False)
     def ray_hits(
@@ -188,8 +199,10 @@ def draw_of(first_face: wp.array(dtype=wp.int32), face: wp.int32) -> wp.int32:
 
 
 @cache
-def _raster_kernel(effects: tuple[str, ...], with_spheres: bool) -> wp.Kernel:
+def _raster_kernel(effects: tuple[str, ...], by_rays: bool, sdfs: tuple[wp.Function, ...]) -> wp.Kernel:
+    """`by_rays`: whether there are pixels that rays look into."""
     camera_ray = camera_ray_function(effects)
+    closest, _, _ = ray_functions(sdfs)
 
     @wp.kernel(module="unique", enable_backward=False)
     def raster_hits(
@@ -208,7 +221,7 @@ def _raster_kernel(effects: tuple[str, ...], with_spheres: bool) -> wp.Kernel:
         y = begin // camera.width
         for x in range(begin - y * camera.width, begin - y * camera.width + columns):
             hit = miss()
-            if wp.static(with_spheres):
+            if wp.static(by_rays):
                 if by_ray[y, x] != wp.uint8(0):
                     hit = closest(
                         scene, camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
