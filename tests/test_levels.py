@@ -18,7 +18,7 @@ LEVELS = (
     {"visibility", "film"},
     {"integrators", "upload", "upload_lights", "checks", "receipt"},
     {"frame", "renderer"},
-    {"usd", "study", "cli"},
+    {"usd", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}

@@ -11,6 +11,7 @@ import numpy as np
 import warp as wp
 
 from .launch import launch
+from .outputs import FILM_OUTPUTS
 from .sampling import REPLICATES
 
 #: Straight pieces of the tables that turn uniform numbers into filter offsets; the tails of a Gaussian need many.
@@ -107,6 +108,16 @@ class Film:
         with np.errstate(divide="ignore", invalid="ignore"):
             variance = np.maximum(squares - sums * sums / n, 0.0) / (n - 1.0)
             return np.where(n > 1, np.sqrt(variance / n), np.inf)
+
+    def output(self, name: str, exposure: float) -> wp.array:
+        """One of `FILM_OUTPUTS`, (H, W): samples kept, `standard_error` times exposure, or rays of all kinds."""
+        if name == "sampleCount":
+            return wp.clone(self.record.samples)
+        if name == "rayCount":
+            values = self.record.rays.numpy().sum(-1, dtype=np.int32)
+        else:
+            values = (self.standard_error() * exposure).astype(np.float32)
+        return wp.array(values, dtype=FILM_OUTPUTS[name], device=self.device)
 
     def relative_error(self) -> float:
         """Relative RMS standard error of the frame's luminance over lit pixels, those above 1e-3; inf below 4 samples.

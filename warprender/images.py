@@ -35,7 +35,7 @@ LINEAR_FORMATS = (".hdr",)
 COLOR_CORRECTIONS = ("sRGB", "disabled")
 
 _HALF_MAX = 65504.0
-_COLOR_LAYERS = ("color", "albedo")
+_COLOR_LAYERS = ("color", "albedo", "standardError")
 
 
 def check_destination(path: str | Path) -> None:

@@ -17,7 +17,7 @@ from .integrators.none import launch_outputs
 from .integrators.path import radiance_function
 from .integrators.samples import PathRequest, launch_samples
 from .launch import thread_count
-from .outputs import OutputBuffers, cleared_outputs
+from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs
 from .plan import RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError
@@ -46,7 +46,8 @@ class Renderer:
         camera: a `Camera`, a camera's prim path or name, or None for usdrecord's choice: the render settings'
             camera, else one named main_cam, else one that frames everything.
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
-        outputs: a name, or several: "color" and the AOVs of `warprender.outputs.OUTPUTS`.
+        outputs: a name, or several: "color", the AOVs of `warprender.outputs.OUTPUTS`, and for study "sampleCount",
+            "standardError" and "rayCount".
         visibility: how outputs other than color see: "rays", "raster" (exact edges and a depth buffer), "painter"
             (triangles back to front, as it was done before depth buffers), or "auto": what should take less time.
         transport: "path" (path tracing), "none" (no color, AOVs alone), or "auto": "none" without color.
@@ -259,7 +260,9 @@ class Renderer:
         outputs = dict(values)
         stats = {"seconds": dict(self._seconds), "samples": samples, "interrupted": interrupted}
         if self.plan.path is not None:
-            outputs["color"] = self._film.color(self.camera.exposureScale, self.threads)
+            exposure = self.camera.exposureScale
+            outputs["color"] = self._film.color(exposure, self.threads)
+            outputs |= {n: self._film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
             stats["rays"] = self._film.ray_counts()
             stats["error"] = self._film.relative_error()
             stats["dropped samples"] = self._film.dropped_samples()
