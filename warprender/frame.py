@@ -72,11 +72,10 @@ class Frame:
             ValueError: the file cannot be written; the message names it and says why.
         """
         layers = {name: self.numpy(name) for name in self.outputs}
-        images.write(path, layers, self._metadata(), color_correction, half)
-
-    def _metadata(self) -> dict[str, str]:
+        receipt = {**self.receipt, "file": {"color_correction": color_correction, "half": half}}
         # ASCII JSON: a PNG text chunk is Latin-1.
-        return {"Software": "warprender", "warprender": json.dumps(self.receipt, sort_keys=True)}
+        metadata = {"Software": "warprender", "warprender": json.dumps(receipt, sort_keys=True)}
+        images.write(path, layers, metadata, color_correction, half)
 
     def _repr_png_(self) -> bytes | None:
         """The colour as PNG bytes, which is how a notebook shows a frame."""

@@ -32,7 +32,7 @@ HARMLESS = "MaterialBindingAPI is not applied"
 
 def load(
     path: str | os.PathLike | Usd.Stage,
-    time: float | Usd.TimeCode | None = None,
+    time: float | str | Usd.TimeCode | None = None,
     purposes: Iterable[str] | None = None,
     variants: Mapping[str, Mapping[str, str]] | None = None,
     mask: Iterable[str] | None = None,
@@ -46,7 +46,7 @@ def load(
 
     Args:
         path: a .usda, .usdc, .usd or .usdz file, or a `Usd.Stage`.
-        time: time code; None is the stage's startTimeCode if it is authored, else as early as anything is.
+        time: time code, "default" or "earliest"; None is the stage's startTimeCode if it is authored, else "earliest".
         purposes: purposes to draw besides "default", of "render", "proxy" and "guide"; None is usdrecord's,
             ("proxy",).
         variants: prim path to variant set to selection, as {"/Car": {"paint": "red"}}.
@@ -98,10 +98,19 @@ class StageReader:
         self._path, self._render_settings, self._draw_modes = path, render_settings, draw_modes
         self._purposes, self._level = _purposes(purposes), _level(complexity)
         self._last: Reading | None = None
+        self._loading = {
+            "purposes": sorted(self._purposes - {"default"}),
+            "variants": {prim: dict(chosen) for prim, chosen in (variants or {}).items()},
+            "mask": list(mask) if mask else None,
+            "session_layer": os.path.abspath(session_layer) if session_layer else None,
+            "complexity": 1.0 + self._level / 10,
+            "render_settings": render_settings,
+            "draw_modes": draw_modes,
+        }
         with Diagnostics() as self._opening, _as_scene_errors(path):
             self._stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
 
-    def read(self, time: float | Usd.TimeCode | None = None) -> Scene:
+    def read(self, time: float | str | Usd.TimeCode | None = None) -> Scene:
         """The scene at a time code.
 
         Args:
@@ -114,9 +123,10 @@ class StageReader:
             SceneError: as `load`.
         """
         with Diagnostics() as diagnostics, _as_scene_errors(self._path):
+            code = _time_code(self._stage, time)
             reading = Reading(
                 self._stage,
-                _time_code(self._stage, time),
+                code,
                 self._purposes,
                 self._level,
                 draw_modes=self._draw_modes,
@@ -127,6 +137,7 @@ class StageReader:
         for line in self._opening.lines + diagnostics.lines:
             if HARMLESS not in line:
                 reading.scene.warn(line)
+        reading.scene.loading = {**self._loading, "time": _plain_time(code)}
         self._last = reading
         return reading.scene
 
@@ -144,6 +155,7 @@ def _read(reading: Reading, render_settings: str | None) -> None:
     scene = reading.scene
     layer = reading.stage.GetRootLayer()
     scene.source = layer.realPath or layer.identifier
+    scene.layers = [used.realPath for used in reading.stage.GetUsedLayers() if used != layer and used.realPath]
     read_metadata(reading.stage, scene)
     read_cameras(reading)
     read_settings(reading, render_settings)
@@ -182,15 +194,26 @@ def _world_bounds(reading: Reading) -> np.ndarray | None:
     return bounds if sane and (bounds[1] > bounds[0]).any() else None
 
 
-def _time_code(stage: Usd.Stage, time: float | Usd.TimeCode | None) -> Usd.TimeCode:
+def _time_code(stage: Usd.Stage, time: float | str | Usd.TimeCode | None) -> Usd.TimeCode:
     if isinstance(time, Usd.TimeCode):
         return time
+    if time == "default":
+        return Usd.TimeCode.Default()
+    if time == "earliest":
+        return Usd.TimeCode.EarliestTime()
     if time is not None:
         return Usd.TimeCode(float(time))
     if stage.HasAuthoredMetadata("startTimeCode"):
         return Usd.TimeCode(stage.GetStartTimeCode())
     # As usdrecord: the first sample of what is animated, the default of what is not.
     return Usd.TimeCode.EarliestTime()
+
+
+def _plain_time(code: Usd.TimeCode) -> float | str:
+    """As `load` takes it."""
+    if code.IsDefault():
+        return "default"
+    return "earliest" if code.IsEarliestTime() else code.GetValue()
 
 
 def _purposes(purposes: Iterable[str] | None) -> frozenset[str]:
