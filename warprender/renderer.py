@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 
@@ -32,6 +33,8 @@ FEWEST_FOR_ERROR = 16
 SAMPLERS = ("sobol", "independent")
 #: A pass is short enough to report progress and to stop in time.
 _PASS_SECONDS = 0.25
+#: Share of the time limit that is not worth another launch.
+_SPARE_SHARE = 0.005
 
 Progress = Callable[[float, Callable[[], Frame]], None]
 
@@ -147,7 +150,7 @@ class Renderer:
 
     def render(
         self,
-        samples: int | None = None,
+        samples: float | None = None,
         error: float | None = None,
         seconds: float | None = None,
         seed: int = 0,
@@ -158,9 +161,11 @@ class Renderer:
         The first call compiles the kernels that the plan names, unless Warp's kernel cache has them.
 
         Args:
-            samples: a pixel; 64 when no limit is given.
+            samples: a pixel; 64 when no limit is given. What is beyond a whole number is the share of the pixels, from
+                the top, that get one more.
             error: relative RMS standard error of the frame over lit pixels (mean above 1e-3), as 0.01.
-            seconds: wall-clock time for colour samples; at least one sample is taken, compiling counts.
+            seconds: wall-clock time for colour samples after compiling; at least one sample is taken. The last one may
+                reach a part of the pixels alone, from the top: then `stats["samples"]` is no whole number.
             seed: another seed gives an independent picture; the same one gives the same bits on one machine.
             progress: called between passes with the share done, 0 to 1, and a function that returns the frame
                 so far.
@@ -213,25 +218,34 @@ class Renderer:
         seed: int,
         progress: Progress | None,
         values: dict[str, wp.array],
-    ) -> tuple[int, bool]:
+    ) -> tuple[float, bool]:
         """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
         self._film.clear()
         request = self._path_request(seed)
         limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
+        pixels = self.resolution[0] * self.resolution[1]
+        if seconds is not None:
+            # Compiling and loading come before the clock starts.
+            self._pass(request, 0, 0)
         taken, batch, start = 0, 1, time.perf_counter()
         try:
             while taken < limit:
+                begin = time.perf_counter()
+                # Below 1: one more sample for a part of the pixels.
                 batch = min(batch, limit - taken)
-                self._pass(request, taken, batch)
+                batch = int(batch) if batch >= 1 else batch
+                self._pass(request, int(taken), max(int(batch), 1), round(pixels * min(batch, 1)))
                 taken += batch
-                elapsed = time.perf_counter() - start
-                if seconds is not None and elapsed >= seconds:
+                now = time.perf_counter()
+                elapsed, per_sample = now - start, (now - begin) / batch
+                left = math.inf if seconds is None else seconds - elapsed
+                if batch < 1 or left <= _SPARE_SHARE * elapsed:
                     break
                 if error is not None and taken >= FEWEST_FOR_ERROR and self._film.relative_error() <= error:
                     break
-                per_sample = elapsed / taken
-                horizon = _PASS_SECONDS if seconds is None else min(_PASS_SECONDS, seconds - elapsed)
-                batch = max(1, min(2 * batch, int(horizon / per_sample)))
+                batch = max(1, min(2 * batch, int(min(_PASS_SECONDS, left) / per_sample)))
+                if left < per_sample:
+                    batch = max(1, round(pixels * left / per_sample)) / pixels
                 if progress is not None:
                     share = max(taken / limit, elapsed / seconds if seconds else 0.0)
                     progress(share, lambda n=taken: self._frame(values, n, seed, True))
@@ -248,12 +262,13 @@ class Renderer:
         request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
 
-    def _pass(self, request: PathRequest, first_sample: int, samples: int) -> None:
+    def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
+        """Add samples to the first `pixels`, None for all."""
         request.first_sample, request.samples = first_sample, samples
         scene, camera, film = self._upload.record, self._camera_record, self._film.record
         key = self.plan.path
         radiance = radiance_function(key)
-        launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads)
+        launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads, pixels)
         wp.synchronize_device(self.device)
 
     def _frame(self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool) -> Frame:
