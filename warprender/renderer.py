@@ -33,6 +33,8 @@ FEWEST_FOR_ERROR = 16
 SAMPLERS = ("sobol", "independent")
 #: A pass is short enough to report progress and to stop in time.
 _PASS_SECONDS = 0.25
+#: Samples between two looks at the error: it falls by 5 % at most meanwhile, and looking takes time too.
+_CHECK_FACTOR = 1.1
 #: Share of the time limit that is not worth another launch.
 _SPARE_SHARE = 0.005
 
@@ -227,7 +229,7 @@ class Renderer:
         if seconds is not None:
             # Compiling and loading come before the clock starts.
             self._pass(request, 0, 0)
-        taken, batch, start = 0, 1, time.perf_counter()
+        taken, batch, start, next_check = 0, 1, time.perf_counter(), FEWEST_FOR_ERROR
         try:
             while taken < limit:
                 begin = time.perf_counter()
@@ -241,8 +243,10 @@ class Renderer:
                 left = math.inf if seconds is None else seconds - elapsed
                 if batch < 1 or left <= _SPARE_SHARE * elapsed:
                     break
-                if error is not None and taken >= FEWEST_FOR_ERROR and self._film.relative_error() <= error:
-                    break
+                if error is not None and taken >= next_check:
+                    if self._film.relative_error() <= error:
+                        break
+                    next_check = math.ceil(_CHECK_FACTOR * taken)
                 batch = max(1, min(2 * batch, int(min(_PASS_SECONDS, left) / per_sample)))
                 if left < per_sample:
                     batch = max(1, round(pixels * left / per_sample)) / pixels
@@ -280,6 +284,7 @@ class Renderer:
             outputs |= {n: self._film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
             stats["rays"] = self._film.ray_counts()
             stats["error"] = self._film.relative_error()
+            stats["frame error"] = self._film.frame_error()
             stats["dropped samples"] = self._film.dropped_samples()
         stats["texture bytes"] = self._upload.texture_bytes
         stats["plan"] = self.plan.as_dict()
