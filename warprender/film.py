@@ -158,8 +158,10 @@ class Film:
         lit = mean > LIT
         if not lit.any():
             return 0.0
-        variance = _relative_variance(sums[lit], count[lit]) * mean[lit] ** 2
-        return float(np.sqrt(variance.sum() / (mean[lit] ** 2).sum()))
+        squares = mean[lit] ** 2
+        variance = (_relative_variance(sums[lit], count[lit]) * squares).sum()
+        # The square of a noisy mean is too large by its variance; half of it is left where there is little else.
+        return float(np.sqrt(variance / max(squares.sum() - variance, squares.sum() / 2)))
 
     def _replicates(self) -> tuple[np.ndarray, np.ndarray]:
         """Sums of luminance and samples of each replicate, (H, W, 4) float64."""

@@ -24,7 +24,8 @@ class Frame:
             `warprender.outputs.OUTPUTS` says; a vector array becomes (H, W, C) in other libraries.
         stats: what the render took: "seconds" by stage, "samples" a pixel, "interrupted", "plan", "warnings";
             with color also "rays" by kind, "error" (relative RMS standard error of luminance; inf below 4
-            samples), "frame error" (RMS standard error over RMS luminance) and "dropped samples" (those that were not finite).
+            samples), "frame error" (RMS standard error over RMS luminance) and "dropped samples" (those that were
+            not finite).
         receipt: what rendering it again needs: plan, request, seed, samples, versions, stage hash; JSON-able.
     """
 
