@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scenes
+from brdf_tables import lobes
 
 import warprender as wr
 from warprender.plan import everything
@@ -52,7 +53,21 @@ def textures_under_the_camera_light():
     return scene, scenes.camera((0, -3, 2))
 
 
-BUILDERS = (mesh_under_a_rect_light, glossy_spheres_in_a_dome, glass_through_a_lens, textures_under_the_camera_light)
+def a_measured_ball_under_a_lamp():
+    scene = wr.Scene()
+    scene.add_sphere("/ball", material=wr.MeasuredBRDF(lobes()))
+    scene.add_light(wr.SphereLight(radius=0.5, intensity=9.0), pose=(2, 2, 2, 0, 0, 0, 1))
+    scene.add_light(wr.DomeLight(intensity=0.3))
+    return scene, scenes.camera((0, 0, 5))
+
+
+BUILDERS = (
+    mesh_under_a_rect_light,
+    glossy_spheres_in_a_dome,
+    glass_through_a_lens,
+    textures_under_the_camera_light,
+    a_measured_ball_under_a_lamp,
+)
 
 
 @pytest.mark.parametrize("build", BUILDERS)

@@ -68,11 +68,10 @@ def test_full_beats_all_purpose_and_preview_serves_when_nothing_else_does():
 
 def test_a_surface_that_is_not_drawn_is_named_and_falls_back():
     scene = scene_of(
-        material("A").replace("UsdPreviewSurface", "ND_standard_surface_surfaceshader")
-        + sphere("x", "rel material:binding = </A>")
+        material("A").replace("UsdPreviewSurface", "ND_disney_principled") + sphere("x", "rel material:binding = </A>")
     )
     assert scene.placements["/x"].material == ""
-    assert scene.warnings == ["/A: surface ND_standard_surface_surfaceshader is not drawn yet"]
+    assert scene.warnings == ["/A: surface ND_disney_principled is not drawn yet"]
 
 
 def test_a_texture_without_a_file_leaves_its_fallback_and_a_warning():

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from . import images
+from .camera import DataWindow
 
 
 class Frame:
@@ -27,12 +28,21 @@ class Frame:
             samples), "frame error" (RMS standard error over RMS luminance) and "dropped samples" (those that were
             not finite).
         receipt: what rendering it again needs: plan, request, seed, samples, versions, stage hash; JSON-able.
+        data_window: where the pixels lie in the picture that the render settings describe, None for all of it. EXR
+            keeps it as data and display window.
     """
 
-    def __init__(self, outputs: dict[str, wp.array], stats: dict | None = None, receipt: dict | None = None) -> None:
+    def __init__(
+        self,
+        outputs: dict[str, wp.array],
+        stats: dict | None = None,
+        receipt: dict | None = None,
+        data_window: DataWindow | None = None,
+    ) -> None:
         self.outputs = dict(outputs)
         self.stats = stats if stats is not None else {}
         self.receipt = receipt if receipt is not None else {}
+        self.data_window = data_window
 
     def __getattr__(self, name: str) -> wp.array:
         # Through __dict__: a Frame that is being unpickled has no outputs yet.
@@ -66,7 +76,7 @@ class Frame:
 
         Args:
             path: the file; the extension chooses the format.
-            color_correction: "sRGB" or "disabled", for the 8-bit formats.
+            color_correction: "sRGB", "disabled" or "openColorIO", for the 8-bit formats.
             half: 16-bit floats in EXR.
 
         Raises:
@@ -74,9 +84,11 @@ class Frame:
         """
         layers = {name: self.numpy(name) for name in self.outputs}
         receipt = {**self.receipt, "file": {"color_correction": color_correction, "half": half}}
+        window = self.data_window
+        display = (window.x, window.y, *window.full) if window is not None else None
         # ASCII JSON: a PNG text chunk is Latin-1.
         metadata = {"Software": "warprender", "warprender": json.dumps(receipt, sort_keys=True)}
-        images.write(path, layers, metadata, color_correction, half)
+        images.write(path, layers, metadata, color_correction, half, display)
 
     def _repr_png_(self) -> bytes | None:
         """The colour as PNG bytes, which is how a notebook shows a frame."""

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .camera import Camera
 from .plan import RenderPlan, Request
-from .scene import Scene
+from .scene import RenderProduct, Scene
 
 _PACKAGES = ("warprender", "warp-lang", "numpy", "usd-core", "OpenImageIO")
 
@@ -32,6 +32,7 @@ def make_receipt(
         "stageHash": file_hash(scene.source),
         "layerHashes": {path: file_hash(path) for path in scene.layers},
         "loading": scene.loading,
+        "product": scene.settings.productName if isinstance(scene.settings, RenderProduct) else None,
         "resolution": list(resolution),
         "samples": samples,
         "seed": seed,

@@ -102,6 +102,10 @@ def _render(args: argparse.Namespace, receipt: dict, stage: str) -> Frame:
     try:
         scene = load(stage, **receipt.get("loading", {}))
         Warnings().show(scene.warnings)
+        for product in scene.settings.products if receipt.get("product") else ():
+            if product.productName == receipt["product"]:
+                scene = scene.for_product(product)
+                break
         camera = Camera(**{**receipt["camera"], "transform": np.array(receipt["camera"]["transform"])})
         camera.clippingPlanes = tuple(map(tuple, camera.clippingPlanes))
         size = tuple(receipt["resolution"])
