@@ -10,7 +10,7 @@ PACKAGE = Path(warprender.__file__).parent
 #: Files and folders of the package by level.
 LEVELS = (
     {"numerics", "sampling", "color", "launch"},
-    {"records", "images"},
+    {"records", "images", "denoise"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs"},
     {"scene", "material_tables"},

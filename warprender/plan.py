@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 
 from .camera import Camera
+from .denoise import GUIDES
 from .emitters import lit
 from .lights import Light
 from .lights.dispatch import FUNCTIONS
@@ -87,6 +88,7 @@ class Request:
     filter: str = "box"
     sampler: str = "sobol"
     texture_bytes: int = 0
+    denoise: bool = False
 
 
 @dataclass
@@ -170,7 +172,9 @@ def analyse(
     planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
     _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
     sdfs = _distance_functions(scene)
-    aovs = of_first_hits(request.outputs)
+    guides = GUIDES if request.denoise else ()
+    _note(plan, "denoising", "asked for" if guides else "", "--denoise")
+    aovs = of_first_hits((*request.outputs, *guides))
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
@@ -248,6 +252,8 @@ def _check(request: Request) -> None:
         raise SceneError(f"transport 'none' gives no {name}: ask for other outputs alone, or for transport 'path'")
     if request.visibility not in (*VISIBILITIES, "auto"):
         raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
+    if request.denoise and "color" not in request.outputs:
+        raise SceneError("denoising is of color, which is not among the outputs")
     if request.bounces is not None and request.bounces < 0:
         raise SceneError(f"bounces must be 0 or more, not {request.bounces}")
 

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from .camera import Camera
+from .denoise import GUIDES, MISSING, available, denoised
 from .emitters import lit
 from .film import Film
 from .frame import Frame
@@ -68,6 +69,8 @@ class Renderer:
         energy_compensation: give back what specular lobes lose between their facets; UsdPreviewSurface does not.
         texture_bytes: most memory for pictures, 2 GiB unless asked otherwise; beyond it the largest are halved, with
             a warning. `frame.stats["texture bytes"]` is what they take.
+        denoise: let Open Image Denoise go over color, guided by albedo and normal. Needs the package pyoidn. The
+            picture is biased then, and the stated error is that of the picture before.
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
@@ -98,6 +101,7 @@ class Renderer:
         sampler: str = "sobol",
         energy_compensation: bool = False,
         texture_bytes: int = TEXTURE_BYTES,
+        denoise: bool = False,
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -123,6 +127,7 @@ class Renderer:
             filter,
             sampler,
             texture_bytes,
+            denoise,
         )
         with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = analyse(
@@ -147,6 +152,8 @@ class Renderer:
             device,
             self.data_window,
         )
+        if denoise and not available():
+            raise SceneError(MISSING)
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
         self._sobol = sampler == "sobol"
@@ -279,12 +286,21 @@ class Renderer:
         launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads, pixels)
         wp.synchronize_device(self.device)
 
+    def _denoised(self, outputs: dict[str, wp.array]) -> wp.array:
+        start = time.perf_counter()
+        color = denoised(*(outputs[name].numpy() for name in ("color", *GUIDES)))
+        self._seconds["denoise"] = time.perf_counter() - start
+        return wp.array(color, dtype=wp.vec4, device=self.device)
+
     def _frame(self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool) -> Frame:
         outputs = dict(values)
         stats = {"seconds": dict(self._seconds), "samples": samples, "interrupted": interrupted}
         if self.plan.path is not None:
             exposure = self.camera.exposureScale
             outputs["color"] = self._film.color(exposure, self.threads)
+            if self.request.denoise:
+                outputs["color"] = self._denoised(outputs)
+                stats["denoised"], stats["seconds"] = True, dict(self._seconds)
             outputs |= {n: self._film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
             stats["rays"] = self._film.ray_counts()
             stats["error"] = self._film.relative_error()

@@ -177,6 +177,11 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
         help="give back the light that rough specular lobes lose, which UsdPreviewSurface does not",
     )
     group.add_argument(
+        "--denoise",
+        action="store_true",
+        help="let Open Image Denoise go over color: less noise, some bias; needs the package pyoidn",
+    )
+    group.add_argument(
         "--seed", type=count, default=0, metavar="NUMBER", help="another gives an independent picture (default: 0)"
     )
 

@@ -77,6 +77,7 @@ def build_renderer(args: argparse.Namespace, scene: Scene, shown: tuple[str, ...
         filter=args.filter,
         sampler=args.sampler,
         energy_compensation=args.energyCompensation,
+        denoise=args.denoise,
     )
 
 
