@@ -15,17 +15,17 @@ NEEDED = pytest.mark.skipif(not denoise.available(), reason="pyoidn, of the extr
 def test_it_takes_noise_away_and_alpha_along():
     scene, view = lit_ball()
     reference = prepare(scene, view, 64).render(samples=512, seed=1).numpy("color")
-    noisy = prepare(scene, view, 64).render(samples=4)
-    clean = prepare(scene, view, 64, denoise=True).render(samples=4)
+    noisy = prepare(scene, view, 64).render(samples=1)
+    clean = prepare(scene, view, 64, denoise=True).render(samples=1)
     assert "denoised" not in noisy.stats and clean.stats["denoised"] and clean.stats["seconds"]["denoise"] > 0
     assert list(clean.outputs) == ["color"]
 
     def rmse(frame):
         return np.sqrt(np.mean((frame.numpy("color")[..., :3] - reference[..., :3]) ** 2))
 
-    assert rmse(clean) < 0.6 * rmse(noisy)
+    assert rmse(clean) < 0.75 * rmse(noisy)
     np.testing.assert_array_equal(clean.numpy("color")[..., 3], noisy.numpy("color")[..., 3])
-    again = prepare(scene, view, 64, denoise=True).render(samples=4)
+    again = prepare(scene, view, 64, denoise=True).render(samples=1)
     np.testing.assert_array_equal(again.numpy("color"), clean.numpy("color"))
 
 
