@@ -219,12 +219,14 @@ class Study:
 
     def _read(self) -> list[Measurement]:
         """The measurements that are kept; a line that an interruption cut off is dropped."""
-        path, found = self.folder / "measurements.jsonl", []
+        path, found, whole = self.folder / "measurements.jsonl", [], ""
         for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
             try:
                 found.append(Measurement(**json.loads(line)))
             except (json.JSONDecodeError, TypeError):
                 continue
+            whole += line + "\n"
+        path.write_text(whole, encoding="utf-8")
         return found
 
 
