@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         Shaping,
         SphereLight,
     )
-    from .materials import BrdfTable, DisplayColor, MeasuredBRDF, PreviewSurface
+    from .materials import BrdfTable, Dielectric, DisplayColor, MeasuredBRDF, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -50,6 +50,7 @@ _HOMES = {
     "Camera": "camera",
     "CameraLight": "lights",
     "CylinderLight": "lights",
+    "Dielectric": "materials",
     "DiskLight": "lights",
     "DisplayColor": "materials",
     "DistantLight": "lights",
@@ -85,6 +86,7 @@ __all__ = [
     "Camera",
     "CameraLight",
     "CylinderLight",
+    "Dielectric",
     "DiskLight",
     "DisplayColor",
     "DistantLight",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,11 @@ class Frame:
         """(width, height) in pixels."""
         height, width = next(iter(self.outputs.values())).shape[:2]
         return width, height
+
+    def chosen(self, names: Iterable[str]) -> Frame:
+        """The same frame with no other outputs than these, as far as it has them; arrays are shared."""
+        found = {name: self.outputs[name] for name in names if name in self.outputs}
+        return Frame(found, self.stats, self.receipt, self.data_window)
 
     def numpy(self, name: str) -> np.ndarray:
         """The output `name` on the host, (H, W) or (H, W, C); on the CPU it shares the array's memory.

@@ -29,12 +29,11 @@ from ..records import (
     BsdfSample,
     BsdfValue,
     DeviceScene,
-    MaterialValues,
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
 from .albedo import SIZE, albedo_table, white_albedo
-from .inputs import NORMAL, Color, Number, Varying, constant, least, values_function
+from .inputs import NORMAL, Color, Number, Varying, clamped, constant, least, row_of, values_function
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -80,10 +79,12 @@ class PreviewSurface:
         roughness: its square is the GGX alpha.
         clearcoat: weight of a second, white specular lobe.
         clearcoatRoughness: roughness of that lobe.
-        opacity: 1 opaque … 0 clear.
+        opacity: 1 opaque … 0 clear. Light that passes goes straight on, whatever `ior` says: the specification asks for
+            transmission of roughness 0 beside the reflections, and a surface of this kind need not enclose anything.
+            `Dielectric` refracts.
         opacityMode: "transparent" (the diffuse part fades, reflections stay) or "presence" (all fades).
         opacityThreshold: above 0, a cut-out: below it nothing is drawn, from it on the surface is opaque.
-        ior: index of refraction; sets F0 of dielectrics and of the clearcoat. Light goes straight through.
+        ior: index of refraction; sets F0 of dielectrics and of the clearcoat, nothing else.
         normal: in the tangent frame of the texture coordinates; of any length.
         displacement: how far points move along the normal, in object units, when a stage or a mesh is taken into a
             scene (`displacement.displaced`).
@@ -211,18 +212,6 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
         return bsdf
 
     return prepare
-
-
-@wp.func
-def row_of(values: MaterialValues, number: int) -> wp.vec3:
-    """A colour among the values."""
-    return wp.vec3(values[number, 0], values[number, 1], values[number, 2])
-
-
-@wp.func
-def clamped(color: wp.vec3) -> wp.vec3:
-    """A reflectance within what a surface can reflect."""
-    return wp.vec3(wp.clamp(color[0], 0.0, 1.0), wp.clamp(color[1], 0.0, 1.0), wp.clamp(color[2], 0.0, 1.0))
 
 
 @wp.func

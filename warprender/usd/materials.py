@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import Field, fields
+from dataclasses import Field, fields, replace
 
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import Material, MeasuredBRDF, PreviewSurface
+from ..materials import Dielectric, Material, MeasuredBRDF, PreviewSurface
 from ..materials.inputs import Varying
 from .materialx.inputs import resolve
-from .materialx.surfaces import displacement_input, is_node, is_surface, surface_inputs
+from .materialx.surfaces import displacement_input, is_node, is_surface, read_surface
 from .reading import Reading, one_line
 from .textures import asset_file, is_output, producer, read_node
 
 #: The one input of a surface that moves it, which counts by an output of its own.
 DISPLACEMENT = "displacement"
 #: Kinds of material by shader id, whose inputs have the names of the fields.
-KINDS = {"UsdPreviewSurface": PreviewSurface, "ND_UsdPreviewSurface_surfaceshader": PreviewSurface}
+KINDS = {
+    "UsdPreviewSurface": PreviewSurface,
+    "ND_UsdPreviewSurface_surfaceshader": PreviewSurface,
+    "warprender:Dielectric": Dielectric,
+}
+#: Inputs that mean nothing at 0 and below.
+ABOVE_ZERO = {Dielectric: ("ior", "attenuationDistance")}
 
 
 def read_material(reading: Reading, material: UsdShade.Material) -> Material | None:
@@ -33,15 +39,40 @@ def read_material(reading: Reading, material: UsdShade.Material) -> Material | N
                 return _read_measured_brdf(reading, material, shader)
             if name in KINDS:
                 inputs = _inputs(reading, shader, KINDS[name])
+                _remark_unknown(reading, material, shader, KINDS[name])
                 if KINDS[name] is PreviewSurface:
+                    _remark_straight_through(reading, shader, inputs)
                     inputs |= _displacement(reading, material, shader)
                 return KINDS[name](**inputs)
             if shader and name and is_surface(shader):
-                return PreviewSurface(**surface_inputs(reading, shader) | _displacement(reading, material, shader))
+                return _displaced(reading, material, shader, read_surface(reading, shader))
         _remark_other_surface(reading, material)
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
     return None
+
+
+def _displaced(
+    reading: Reading, material: UsdShade.Material, shader: UsdShade.Shader, drawn: PreviewSurface | Dielectric
+) -> PreviewSurface | Dielectric:
+    """A surface of MaterialX's with the material's displacement; a remark where it cannot have one."""
+    displacement = _displacement(reading, material, shader)
+    if displacement and isinstance(drawn, Dielectric):
+        reading.remark(material.GetPrim(), "its displacement is not drawn where light is refracted")
+        return drawn
+    return replace(drawn, **displacement)
+
+
+def _remark_unknown(
+    reading: Reading, material: UsdShade.Material, shader: UsdShade.Shader, kind: type[Material]
+) -> None:
+    """Name what a material asks for beside its surface, and inputs that the surface does not have."""
+    if material.ComputeVolumeSource()[0]:
+        reading.remark(material.GetPrim(), "its volume is not drawn")
+    known = {field.name for field in fields(kind)} | {"occlusion"}
+    for source in shader.GetInputs():
+        if source.GetBaseName() not in known and source.GetAttr().HasAuthoredValue():
+            reading.remark(shader.GetPrim(), f"{kind.__name__} has no input {source.GetBaseName()}")
 
 
 def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None:
@@ -53,6 +84,8 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
     contexts = [str(o.GetBaseName()) for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
     if contexts:
         reading.remark(material.GetPrim(), f"surface {contexts[0]} is not drawn yet")
+    elif material.ComputeVolumeSource()[0]:
+        reading.remark(material.GetPrim(), "its volume is not drawn")
 
 
 def _read_measured_brdf(reading: Reading, material: UsdShade.Material, shader: UsdShade.Shader) -> MeasuredBRDF | None:
@@ -78,9 +111,26 @@ def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> 
     if isinstance(values.get("opacityMode"), Varying):
         reading.remark(shader.GetPrim(), "opacityMode cannot vary; transparent is taken")
         del values["opacityMode"]
+    for name in ABOVE_ZERO.get(kind, ()):
+        if not isinstance(values.get(name), Varying) and values.get(name, 1.0) <= 0:
+            default = getattr(kind, name)
+            reading.remark(shader.GetPrim(), f"{name} is {values.pop(name)!r}; {default!r} is taken")
     if "normal" in values:
         reading.primvars.setdefault("st", None)
     return values
+
+
+def _remark_straight_through(reading: Reading, shader: UsdShade.Shader, values: dict[str, object]) -> None:
+    """Say that clear surfaces do not bend light, where the stage asks for an index of refraction."""
+    opacity, threshold = values.get("opacity", 1.0), values.get("opacityThreshold", 0.0)
+    clear = isinstance(opacity, Varying) or opacity < 1.0
+    cut_out = isinstance(threshold, Varying) or threshold > 0.0
+    presence = values.get("opacityMode") == "presence"
+    if clear and not cut_out and not presence and values.get("ior", 1.0) != 1.0:
+        reading.remark(
+            shader.GetPrim(),
+            "light goes straight through it, its ior is for reflections alone; a warprender:Dielectric refracts",
+        )
 
 
 def _input(reading: Reading, shader: UsdShade.Shader, field: Field) -> object:
@@ -122,6 +172,6 @@ def _converted(value: object, default: object) -> object:
     if isinstance(default, str):
         return str(value)
     numbers = np.asarray(value, np.float64).reshape(-1)
-    if len(numbers) != np.size(default) or not np.isfinite(numbers).all():
+    if len(numbers) != np.size(default) or not (np.isfinite(numbers) | (numbers == default)).all():
         raise ValueError("not such a value")
     return tuple(map(float, numbers)) if isinstance(default, tuple) else type(default)(numbers[0])
