@@ -132,6 +132,9 @@ def test_what_no_table_can_hold_is_said():
     clear = wr.measure_brdf(wr.PreviewSurface(opacity=0.5, roughness=0.5), cells)
     assert len(clear.remarks) == 1 and "goes through" in clear.remarks[0]
     assert wr.measure_brdf(metal(0.5), cells).remarks == ()
+    smooth, rough = (wr.measure_brdf(wr.Dielectric(roughness=roughness), cells) for roughness in (0.0, 0.5))
+    assert len(smooth.remarks) == 2 and "mirror" in smooth.remarks[0] and "goes through" in smooth.remarks[1]
+    assert len(rough.remarks) == 1 and "goes through" in rough.remarks[0] and rough.values.max() > 0
 
 
 def test_what_varies_is_refused():
