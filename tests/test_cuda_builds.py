@@ -21,10 +21,15 @@ def all_outputs():
     return outputs_kernel(OutputsKey(PLAIN.shapes, PLAIN.materials, CAMERA, tuple(sorted(OUTPUTS)), False))
 
 
+GLASS = PathKey(
+    ("Mesh", "Sphere"), ("Dielectric",), ("SphereLight",), (), CAMERA, True, False, features=("transmission",)
+)
+
 FAMILIES = {
     "film": _resolve_kernel,
     "outputs": all_outputs,
     "path": lambda: samples_kernel(CAMERA, (), radiance_function(PLAIN)),
+    "glass": lambda: samples_kernel(CAMERA, (), radiance_function(GLASS)),
 }
 
 

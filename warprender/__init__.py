@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .camera import Camera
     from .frame import Frame
+    from .gonioreflectometer import measure_brdf
     from .lights import (
         CameraLight,
         CylinderLight,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
         Shaping,
         SphereLight,
     )
-    from .materials import DisplayColor, PreviewSurface
+    from .materials import BrdfTable, Dielectric, DisplayColor, MeasuredBRDF, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -45,9 +46,11 @@ __version__ = "0.1.0"
 
 #: Public name to the module that it lives in.
 _HOMES = {
+    "BrdfTable": "materials",
     "Camera": "camera",
     "CameraLight": "lights",
     "CylinderLight": "lights",
+    "Dielectric": "materials",
     "DiskLight": "lights",
     "DisplayColor": "materials",
     "DistantLight": "lights",
@@ -55,6 +58,7 @@ _HOMES = {
     "Frame": "frame",
     "IesProfile": "lights",
     "LightTexture": "lights",
+    "MeasuredBRDF": "materials",
     "MeshLight": "lights",
     "PortalLight": "lights",
     "PreviewSurface": "materials",
@@ -72,14 +76,17 @@ _HOMES = {
     "StageReader": "usd",
     "Texture": "textures",
     "load": "usd",
+    "measure_brdf": "gonioreflectometer",
     "rasterize": "visibility.raster",
     "render": "renderer",
 }
 
 __all__ = [
+    "BrdfTable",
     "Camera",
     "CameraLight",
     "CylinderLight",
+    "Dielectric",
     "DiskLight",
     "DisplayColor",
     "DistantLight",
@@ -87,6 +94,7 @@ __all__ = [
     "Frame",
     "IesProfile",
     "LightTexture",
+    "MeasuredBRDF",
     "MeshLight",
     "PortalLight",
     "PreviewSurface",
@@ -104,6 +112,7 @@ __all__ = [
     "StageReader",
     "Texture",
     "load",
+    "measure_brdf",
     "rasterize",
     "render",
 ]

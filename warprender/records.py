@@ -63,7 +63,11 @@ class Bsdf:
     """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
 
     `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
-    diffuse part, already scaled by it, leaves to nothing else.
+    diffuse part, already scaled by it, leaves to nothing else. `table` indexes `DeviceScene.brdfs`.
+
+    `eta` is the index of refraction beyond the surface over that on the viewer's side, 0 for what does not refract;
+    `transmission` is the factor of what crosses, `absorption` that of the medium inside per scene unit, and `thin` is
+    1 for a sheet that has both its faces.
     """
 
     kind: wp.int32
@@ -79,6 +83,11 @@ class Bsdf:
     present: wp.float32
     cover: wp.float32
     pass_through: wp.float32
+    table: wp.int32
+    eta: wp.float32
+    transmission: wp.vec3
+    absorption: wp.vec3
+    thin: wp.int32
 
 
 @wp.struct
@@ -166,7 +175,7 @@ class MaterialRecord:
     """One material: its kind, and values by the input numbers that the kind's file names.
 
     What varies over the surface are the `varying` entries of `DeviceScene.inputs` from number `first` on; the entry
-    of a tangent-space normal is number `normal`, -1 where there is none.
+    of a tangent-space normal is number `normal`, `table` indexes `DeviceScene.brdfs`; -1 where there is none.
     """
 
     kind: wp.int32
@@ -174,6 +183,7 @@ class MaterialRecord:
     first: wp.int32
     varying: wp.int32
     normal: wp.int32
+    table: wp.int32
 
 
 @wp.struct
@@ -219,6 +229,19 @@ class LevelRecord:
     first: wp.int32
     width: wp.int32
     height: wp.int32
+
+
+@wp.struct
+class BrdfRecord:
+    """A measured BRDF: `values` in 1/sr over √θ_half, θ_diff and φ_diff, and tables that half-vectors are drawn from.
+
+    `rows` (A, R + 1) and `columns` (A, R, C + 1) are cumulative distributions over √θ_half and over the angle between
+    the azimuths of half-vector and viewer, for each of A angles of the viewer; rows of 0 have nothing to draw.
+    """
+
+    values: wp.array3d(dtype=wp.vec3)
+    rows: wp.array2d(dtype=wp.float32)
+    columns: wp.array3d(dtype=wp.float32)
 
 
 @wp.struct
@@ -342,8 +365,27 @@ class PrimvarRecord:
 
 
 @wp.struct
+class SdfRecord:
+    """A signed distance function in object space: number `function` of the plan's, asked between two corners.
+
+    `values` (X, Y, Z) are samples on a grid over the box, empty for functions that have none.
+    """
+
+    function: wp.int32
+    lower: wp.vec3
+    upper: wp.vec3
+    lipschitz: wp.float32
+    precision: wp.float32
+    parameters: wp.vec4
+    values: wp.array3d(dtype=wp.float32)
+
+
+@wp.struct
 class GeometryRecord:
-    """A shape in object space, stored once. `kind` indexes SHAPES; its tree is in `DeviceScene.world`."""
+    """A shape in object space, stored once. `kind` indexes SHAPES; its tree is in `DeviceScene.world`.
+
+    `sdf` is its number in `DeviceScene.sdfs`, if it is one.
+    """
 
     kind: wp.int32
     points: wp.array(dtype=wp.vec3)
@@ -352,6 +394,7 @@ class GeometryRecord:
     face_material: wp.array(dtype=wp.int32)
     normals: PrimvarRecord
     radius: wp.float32
+    sdf: wp.int32
 
 
 @wp.struct
@@ -375,6 +418,8 @@ class InstanceRecord:
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
+    `sdf_instances` are the numbers of the instances that are signed distance functions.
+
     `albedo` is `materials.albedo.albedo_table`. `tiles` has 100 picture numbers a UDIM set, -1 where there is none;
     `decode` is the sRGB curve for the 256 codes.
 
@@ -388,6 +433,8 @@ class DeviceScene:
     instances: wp.array(dtype=InstanceRecord)
     geometries: wp.array(dtype=GeometryRecord)
     world: World
+    sdfs: wp.array(dtype=SdfRecord)
+    sdf_instances: wp.array(dtype=wp.int32)
     materials: wp.array(dtype=MaterialRecord)
     albedo: wp.array2d(dtype=wp.vec4)
     energy_compensation: wp.int32
@@ -397,6 +444,7 @@ class DeviceScene:
     texels: wp.array(dtype=wp.uint32)
     tiles: wp.array(dtype=wp.int32)
     decode: wp.array(dtype=wp.float32)
+    brdfs: wp.array(dtype=BrdfRecord)
     primvars: wp.array(dtype=PrimvarRecord)
     primvar_count: wp.int32
     display_color: wp.int32

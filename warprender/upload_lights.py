@@ -25,7 +25,7 @@ from .records import (
     ProfileRecord,
 )
 from .scene import Placement, Scene
-from .shapes import Mesh, Sphere
+from .shapes import Mesh, Sdf, Sphere
 from .upload_glow import MOST_LEAVES, GlowLeaves, GlowTables, outside_of
 
 
@@ -43,7 +43,7 @@ class Placed:
     """
 
     instances: np.ndarray
-    shapes: dict[int, Mesh | Sphere]
+    shapes: dict[int, Mesh | Sphere | Sdf]
     kept: dict[int, np.ndarray]
     boxes: np.ndarray
     bounds: np.ndarray

@@ -3,14 +3,17 @@
     python tests/mitsuba/compare.py cornell --mitsuba PYTHON > tests/mitsuba/cornell.txt
     python tests/mitsuba/compare.py lights --mitsuba PYTHON > tests/mitsuba/lights.txt
     python tests/mitsuba/compare.py dome --mitsuba PYTHON > tests/mitsuba/dome.txt
-    python tests/mitsuba/compare.py plates --mitsuba PYTHON > tests/mitsuba/plates.txt
-    python tests/mitsuba/compare.py lamps --mitsuba PYTHON > tests/mitsuba/lamps.txt
+    python tests/mitsuba/compare.py glass --samples 1024 --mitsuba PYTHON > tests/mitsuba/glass.txt
+    python tests/mitsuba/compare.py rough --samples 1024 --mitsuba PYTHON > tests/mitsuba/rough.txt
+    python tests/mitsuba/compare.py plates --size 128 --samples 1024 --mitsuba PYTHON > tests/mitsuba/plates.txt
+    python tests/mitsuba/compare.py lamps --size 96 --times 4 --mitsuba PYTHON > tests/mitsuba/lamps.txt
 
 PYTHON is the interpreter of an environment with `pip install mitsuba`. Both renderers get the same triangles, which
-are read from warprender's own scene. Surfaces are Lambert's or metals: a metal of UsdPreviewSurface reflects its colour
-at every angle, which is Mitsuba's rough conductor without a material. Mitsuba multiplies the shadowing of both
-directions, warprender correlates them by height: the ratio is 1 + Λi Λo / (1 + Λi + Λo), at most 1.0001 for the alphas
-and angles of `plates`. The other materials of the two are not the same model.
+are read from warprender's own scene. Surfaces are Lambert's, dielectrics or metals: a metal of UsdPreviewSurface
+reflects its colour at every angle, which is Mitsuba's rough conductor without a material. Of rough surfaces Mitsuba
+multiplies the Smith terms of both directions, warprender correlates them by height: for the metals the ratio is
+1 + Λi Λo / (1 + Λi + Λo), at most 1.0001 for the alphas and angles of `plates`; rough dielectrics are not quite the
+same model. The other materials of the two are not the same at all.
 """
 
 from __future__ import annotations
@@ -72,6 +75,54 @@ def dome() -> wr.Scene:
     # From above, where no sky is seen: straight at it a pixel has no noise that small differences could hide in.
     scene.cameras["/camera"] = scenes.camera((0.3, 7.0, 4.5), (0.0, 0.2, -0.2), fov=38.0)
     scene.lights = {"/sky": wr.DomeLight(intensity=0.8, texture=LightTexture.of(sky), transform=turn)}
+    return scene
+
+
+def glass() -> wr.Scene:
+    """Balls, a block and a pane of smooth glass on a floor, under a dome and a lamp."""
+    scene = wr.Scene()
+    clear, bubble = wr.Dielectric(), wr.Dielectric(ior=1 / 1.5)
+    scene.add_sphere("/ball", 0.9, material=clear, pose=(-1.2, 0.9, 0.0, 0, 0, 0, 1))
+    # A shell: the inner boundary is seen from the glass, where the index inside it is that of air to glass.
+    scene.add_sphere("/shell", 0.7, material=clear, pose=(1.0, 0.7, 0.9, 0, 0, 0, 1))
+    scene.add_sphere("/air", 0.6, material=bubble, pose=(1.0, 0.7, 0.9, 0, 0, 0, 1))
+    block = np.diag([0.6, 1.1, 0.6, 1.0])
+    block[3, :3] = 1.3, 1.11, -1.2
+    scene.add_mesh(
+        "/block", *scenes.cube(2.0), material=wr.Dielectric(ior=1.33), pose=scenes.look_at((0.4, 0.2, 1)) @ block
+    )
+    pane = scenes.look_at((0.5, 0.0, 1.0))
+    pane[3, :3] = -0.4, 0.8, 1.8
+    scene.add_mesh("/pane", *scenes.quad(1.2), material=wr.Dielectric(thinWalled=1), pose=pane)
+    return surrounded(scene)
+
+
+def rough() -> wr.Scene:
+    """A ball, a block and a lens of rough glass, from fine to coarse."""
+    scene = wr.Scene()
+    scene.add_sphere("/ball", 0.9, material=wr.Dielectric(roughness=0.25), pose=(-1.2, 0.9, 0.0, 0, 0, 0, 1))
+    lens = np.diag([0.8, 0.8, 0.3, 1.0])
+    lens[3, :3] = 0.9, 0.8, 1.0
+    scene.add_mesh("/lens", *scenes.icosphere(4), material=wr.Dielectric(roughness=0.35, ior=1.7), pose=lens)
+    block = np.diag([0.6, 1.1, 0.6, 1.0])
+    block[3, :3] = 1.3, 1.11, -1.2
+    scene.add_mesh(
+        "/block", *scenes.cube(2.0), material=wr.Dielectric(roughness=0.5), pose=scenes.look_at((0.4, 0, 1)) @ block
+    )
+    return surrounded(scene)
+
+
+def surrounded(scene: wr.Scene) -> wr.Scene:
+    """A floor, a wall, a lamp and a dome around a scene, and a camera."""
+    floor = np.array([(-6, 0, -6), (-6, 0, 6), (6, 0, 6), (6, 0, -6)])
+    scene.add_mesh("/floor", floor, [[0, 1, 2, 3]], color=(0.7, 0.5, 0.3))
+    scene.add_mesh("/wall", floor[:, [0, 2, 1]] * (1, 1, 0) + (0, 0, -3), [[0, 1, 2, 3]], color=(0.2, 0.4, 0.7))
+    scene.add_light(wr.SphereLight(radius=0.8, intensity=12.0), pose=(0.3, 3.8, 1.5, 0, 0, 0, 1))
+    # Lights of UsdLux occlude nothing, those of Mitsuba do: a black ball inside makes the two alike.
+    scene.add_sphere("/lamp", 0.8 * 0.9999, color=(0, 0, 0), pose=(0.3, 3.8, 1.5, 0, 0, 0, 1))
+    scene.add_light(wr.DomeLight(intensity=0.4, color=(0.8, 0.9, 1.0)))
+    scene.add_camera("/camera", scenes.camera((0.5, 2.5, 6.0), (0.0, 0.9, 0.0), fov=45.0))
+    scene.settings.camera = "/camera"
     return scene
 
 
@@ -137,7 +188,15 @@ def lamps() -> wr.Scene:
 
 
 #: What is compared, by name.
-SCENES = {"cornell": cornell, "lights": lights, "dome": dome, "plates": plates, "lamps": lamps}
+SCENES = {
+    "cornell": cornell,
+    "lights": lights,
+    "dome": dome,
+    "glass": glass,
+    "rough": rough,
+    "plates": plates,
+    "lamps": lamps,
+}
 
 
 def rgb(value) -> dict:
@@ -162,22 +221,28 @@ def write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, normals: np
         np.savetxt(file, np.concatenate([np.full((len(triangles), 1), 3), triangles], 1), fmt="%d")
 
 
-def surface(scene: wr.Scene, placement) -> dict:
-    """The material: Lambert's by displayColor, or a metal."""
+def look(scene: wr.Scene, placement) -> dict:
+    """The Lambert colour, the dielectric or the metal of a placement."""
     material = scene.materials[placement.material]
-    bsdf = {"type": "roughconductor", "material": "none", "distribution": "ggx"}
+    if isinstance(material, wr.Dielectric):
+        indices = {"int_ior": material.ior, "ext_ior": 1.0}
+        if material.thinWalled:
+            return {"type": "thindielectric", **indices}
+        if material.roughness > 0:
+            return {"type": "roughdielectric", "distribution": "ggx", "alpha": material.roughness**2, **indices}
+        return {"type": "dielectric", **indices}
     if isinstance(material, wr.PreviewSurface):
         if material.metallic != 1.0:
-            raise ValueError(f"{placement.path}: no metal")
-        bsdf |= {"alpha": material.roughness**2, "specular_reflectance": rgb(material.diffuseColor)}
-    else:
-        bsdf = {"type": "diffuse", "reflectance": rgb(placement.shape.primvars["displayColor"].values[0])}
-    return {"type": "twosided", "bsdf": bsdf}
+            raise ValueError(f"{placement.path}: neither glass nor metal")
+        metal = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": material.roughness**2}
+        return {"type": "twosided", "bsdf": {**metal, "specular_reflectance": rgb(material.diffuseColor)}}
+    color = placement.shape.primvars["displayColor"].values[0]
+    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb(color)}}
 
 
 def shape(folder: Path, number: int, scene: wr.Scene, placement) -> dict:
     """A placed mesh or sphere with its material."""
-    common = {"to_world": matrix(placement.transforms[0]), "bsdf": surface(scene, placement)}
+    common = {"to_world": matrix(placement.transforms[0]), "bsdf": look(scene, placement)}
     if isinstance(placement.shape, wr.scene.Sphere):
         return {"type": "sphere", "radius": placement.shape.radius, **common}
     mesh = placement.shape
@@ -237,6 +302,9 @@ def sensor(camera: wr.Camera, size: int) -> dict:
         "film": {**film, "rfilter": {"type": "box"}},
         "sampler": {"type": "independent"},
     }
+
+
+SCENES = {"cornell": cornell, "lights": lights, "dome": dome, "glass": glass, "rough": rough}
 
 
 def main() -> None:

@@ -66,7 +66,10 @@ def mean_inverse_square(node: LightNode, p: wp.vec3, radius: float) -> float:
 
 @wp.func
 def bound_of(node: LightNode, p: wp.vec3, n: wp.vec3) -> float:
-    """Bound on what the node's lights send to a surface at p with normal n, per power; 0 only where it is nothing."""
+    """Bound on what the node's lights send to a surface at p with normal n, per power; 0 only where it is nothing.
+
+    A surface that takes light from both sides has no normal: zero.
+    """
     radius = 0.5 * wp.length(node.upper - node.lower)
     to_centre = 0.5 * (node.lower + node.upper) - p
     square = wp.dot(to_centre, to_centre)
@@ -87,10 +90,12 @@ def bound_of(node: LightNode, p: wp.vec3, n: wp.vec3) -> float:
     if cos_leaving <= node.cos_fade:
         return 0.0
     # And the least angle between the normal and the way to a light: nothing comes from below the horizon.
-    cos_normal = wp.clamp(wp.dot(n, direction), -1.0, 1.0)
-    cos_arriving = cos_of_rest(sin_of(cos_normal), cos_normal, sin_box, cos_box)
-    if cos_arriving <= 0.0:
-        return 0.0
+    cos_arriving = wp.float32(1.0)
+    if wp.dot(n, n) > 0.0:
+        cos_normal = wp.clamp(wp.dot(n, direction), -1.0, 1.0)
+        cos_arriving = cos_of_rest(sin_of(cos_normal), cos_normal, sin_box, cos_box)
+        if cos_arriving <= 0.0:
+            return 0.0
     # The scale of `leaving_share`.
     most = wp.where(node.two_sided != 0, wp.float32(0.5), wp.float32(1.0)) * wp.max(cos_leaving, 1.0e-3)
     return (0.25 * node.round_share + (1.0 - node.round_share) * most) * cos_arriving * falloff
@@ -136,9 +141,11 @@ def share_from(node: LightNode, n: wp.vec3, away: wp.vec3, least: float) -> floa
     """What lights of the node at this place away from the surface would send, per power."""
     square = wp.max(wp.dot(away, away), least)
     direction = away / wp.sqrt(square)
-    cos_arriving = wp.dot(n, direction)
-    if cos_arriving <= 0.0:
-        return 0.0
+    cos_arriving = wp.float32(1.0)
+    if wp.dot(n, n) > 0.0:
+        cos_arriving = wp.dot(n, direction)
+        if cos_arriving <= 0.0:
+            return 0.0
     return leaving_share(node, direction) * cos_arriving / square
 
 

@@ -11,9 +11,13 @@ from .reading import Reading
 
 
 def light_input(reading: Reading, prim: Usd.Prim, name: str) -> object:
-    """An authored input, under its name of today or without the prefix as in stages before 21.05."""
+    """An authored input, under its name of today or, with a remark, without the prefix as in stages before 21.05."""
     for attribute in (prim.GetAttribute(f"inputs:{name}"), prim.GetAttribute(name)):
         if attribute and attribute.HasAuthoredValue():
+            if not attribute.GetName().startswith("inputs:"):
+                reading.remark(
+                    prim, "its inputs have the names of before OpenUSD 21.05, without inputs:; they are taken"
+                )
             return reading.get(attribute)
     return None
 
@@ -64,7 +68,7 @@ def _authored(values: dict[str, object]) -> dict[str, object]:
 
 def _left_out(reading: Reading, collection: Usd.CollectionAPI) -> frozenset[str]:
     """Placements that are not members. Copies of a prototype are members where it and its instancers are."""
-    if not _restricts(collection):
+    if not restricts(collection):
         return frozenset()
     query = collection.ComputeMembershipQuery()
     return frozenset(
@@ -74,7 +78,7 @@ def _left_out(reading: Reading, collection: Usd.CollectionAPI) -> frozenset[str]
     )
 
 
-def _restricts(collection: Usd.CollectionAPI) -> bool:
+def restricts(collection: Usd.CollectionAPI) -> bool:
     """Whether anything is authored that could leave a prim of the stage out."""
     root = collection.GetIncludeRootAttr()
     expression = collection.GetMembershipExpressionAttr()

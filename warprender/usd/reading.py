@@ -15,6 +15,7 @@ from ..shapes import Mesh, Sphere
 
 if TYPE_CHECKING:
     from ..shapes.subdivision import Subdivision
+    from .passes import RenderPass
     from .skeletons import Skin
 
 T = TypeVar("T")
@@ -37,6 +38,7 @@ class Reading:
         level: subdivision level, 0 draws the cage.
         scene: the scene being filled.
         draw_modes: whether models may be drawn as boxes, axes or cards.
+        render_pass: the pass that is drawn, None for all of the stage.
         shapes: shapes read so far by what determines them, so that instances share one.
         primvars: primvars that are read from every shape, with their numbers of components, None for any.
         sources: prim and skin that a shape was read from, by its key in `shapes`; shapes that do not depend on
@@ -58,6 +60,7 @@ class Reading:
     level: int = 0
     scene: Scene = field(default_factory=Scene)
     draw_modes: bool = True
+    render_pass: RenderPass | None = None
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
     primvars: dict[str, int | None] = field(default_factory=lambda: {"displayColor": 3, "displayOpacity": 1})
     sound_instancers: bool = True
