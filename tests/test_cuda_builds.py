@@ -7,8 +7,8 @@ import pytest
 import warp as wp
 
 from warprender.film import _resolve_kernel
+from warprender.integrators import RADIANCE
 from warprender.integrators.none import outputs_kernel
-from warprender.integrators.path import radiance_function
 from warprender.integrators.samples import samples_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
@@ -24,7 +24,8 @@ def all_outputs():
 FAMILIES = {
     "film": _resolve_kernel,
     "outputs": all_outputs,
-    "path": lambda: samples_kernel(CAMERA, (), radiance_function(PLAIN)),
+    "rasterized": lambda: samples_kernel(CAMERA, (), RADIANCE["local"](PLAIN), True),
+    **{name: lambda f=function: samples_kernel(CAMERA, (), f(PLAIN)) for name, function in RADIANCE.items()},
 }
 
 

@@ -15,6 +15,8 @@ from .sampling import REPLICATES
 
 #: Straight pieces of the tables that turn uniform numbers into filter offsets; the tails of a Gaussian need many.
 _TABLE = 2048
+#: Steps of the R2 sequence: 1/g and 1/g² with g³ = g + 1 (Roberts 2018).
+_R2 = 1.3247179572447460 ** np.array([-1.0, -2.0])
 
 
 @wp.struct
@@ -61,6 +63,20 @@ def filter_offset(table: wp.array(dtype=wp.float32), u: float) -> float:
     cell = wp.min(wp.int32(position), wp.static(_TABLE - 1))
     a = table[cell]
     return a + (table[cell + 1] - a) * (position - wp.float32(cell))
+
+
+def pixel_offset(table: np.ndarray, seed: int, sample: int) -> tuple[float, float]:
+    """Offset in pixels from all pixels' centres of a rasterized sample, distributed as the filter with this table.
+
+    `REPLICATES` sequences take turns, as for rays, each Roberts' R2 with a shift that depends on the seed; the first
+    begins at the centre.
+    """
+    shift = np.random.default_rng((seed & 0xFFFFFFFF, sample % REPLICATES)).random(2)
+    if sample % REPLICATES == 0:
+        shift = np.array([0.5, 0.5])
+    u = (shift + sample // REPLICATES * _R2) % 1.0
+    x, y = np.interp(u, np.linspace(0.0, 1.0, len(table)), table)
+    return float(x), float(y)
 
 
 class Film:

@@ -63,11 +63,13 @@ class Bsdf:
     """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
 
     `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
-    diffuse part, already scaled by it, leaves to nothing else.
+    diffuse part, already scaled by it, leaves to nothing else. `ambient` is reflected of every light by the transports
+    that add up lights one by one, and by no other.
     """
 
     kind: wp.int32
     emission: wp.vec3
+    ambient: wp.vec3
     diffuse: wp.vec3
     f0: wp.vec3
     f90: wp.vec3
@@ -353,6 +355,8 @@ class InstanceRecord:
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
+    `local_reflection` is 1 where lights are added up one by one and nothing else is reflected: "local", "direct".
+
     `albedo` is `materials.albedo.albedo_table`. `tiles` has 100 picture numbers a UDIM set, -1 where there is none;
     `decode` is the sRGB curve for the 256 codes.
 
@@ -367,6 +371,7 @@ class DeviceScene:
     materials: wp.array(dtype=MaterialRecord)
     albedo: wp.array2d(dtype=wp.vec4)
     energy_compensation: wp.int32
+    local_reflection: wp.int32
     inputs: wp.array(dtype=InputRecord)
     pictures: wp.array(dtype=PictureRecord)
     levels: wp.array(dtype=LevelRecord)

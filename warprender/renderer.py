@@ -10,20 +10,20 @@ import warp as wp
 
 from .camera import Camera
 from .emitters import lit
-from .film import Film
+from .film import Film, filter_table, pixel_offset
 from .frame import Frame
 from .framing import choose_camera, choose_resolution
+from .integrators import RADIANCE
 from .integrators.none import launch_outputs
-from .integrators.path import radiance_function
-from .integrators.samples import PathRequest, launch_samples
+from .integrators.samples import PathRequest, launch_samples, samples_kernel
 from .launch import thread_count
 from .outputs import OutputBuffers, cleared_outputs
-from .plan import RenderPlan, Request, analyse
+from .plan import LIGHT_BY_LIGHT, OutputsKey, PathKey, RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError
 from .texels import TEXTURE_BYTES
 from .upload import Upload, camera_light_at
-from .visibility.first_hits import FirstHits, RasterHits, RayHits
+from .visibility.first_hits import RasterHits, RayHits
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
 DEFAULT_SAMPLES = 64
@@ -47,9 +47,12 @@ class Renderer:
             camera, else one named main_cam, else one that frames everything.
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
         outputs: a name, or several: "color" and the AOVs of `warprender.outputs.OUTPUTS`.
-        visibility: how outputs other than color see: "rays", "raster" (exact edges and a depth buffer), "painter"
+        visibility: how first surfaces are found: "rays", "raster" (exact edges and a depth buffer), "painter"
             (triangles back to front, as it was done before depth buffers), or "auto": what should take less time.
-        transport: "path" (path tracing), "none" (no color, AOVs alone), or "auto": "none" without color.
+            Colour that the rasterizer cannot see (depth of field, paths through what is clear) is made of rays.
+        transport: how light gets to the camera. "none": no color, AOVs alone. "local": the first surface's reflection
+            of each light, with nothing in the way. "direct": the same with shadows. "path": all light, by path
+            tracing. "auto": the first of these that leaves out nothing.
         device: Warp device, as "cpu" or "cuda:0".
         threads: CPU threads, None for all cores. The picture does not depend on it.
         bounces: reflections followed after the one at the camera's hit, None for as many as matter; 0 is
@@ -125,6 +128,7 @@ class Renderer:
             camera_light_at(lights["camera light"], self.camera.transform)
         self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes)
         self._upload.record.energy_compensation = int(energy_compensation)
+        self._upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
         for warning in self._upload.warnings:
             scene.warn(warning)
         if not (scene.placements or dome_light_visible or lights_visible):
@@ -140,8 +144,11 @@ class Renderer:
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
         self._sobol = sampler == "sobol"
-        self._first_hits = None if self.plan.outputs is None else self._see()
-        self._film = Film(*self.resolution, device, filter)
+        plan = self.plan
+        self._first_hits = None if plan.outputs is None else self._see(plan.visibility, plan.outputs)
+        by_raster = plan.path is not None and plan.color_visibility != "rays"
+        self._color_hits = self._see(plan.color_visibility, plan.path) if by_raster else None
+        self._film, self._filter_table = Film(*self.resolution, device, filter), filter_table(filter)
         self._seconds = {"prepare": time.perf_counter() - start}
 
     def render(
@@ -186,12 +193,13 @@ class Renderer:
         """(H, W, 3) float64 standard error of the last frame's colour; inf where a pixel has under two samples."""
         return self._film.standard_error() * self.camera.exposureScale
 
-    def _see(self) -> FirstHits:
-        scene, camera, effects = self._upload.record, self._camera_record, self.plan.outputs.camera
-        if self.plan.visibility == "rays":
-            return RayHits(scene, camera, effects, self.device, self.plan.outputs.sdfs)
-        bounds, painter = self._upload.bounds - self._upload.origin, self.plan.visibility == "painter"
-        return RasterHits(scene, self._upload.geometries, bounds, camera, effects, self.device, painter)
+    def _see(self, visibility: str, key: PathKey | OutputsKey) -> RayHits | RasterHits:
+        """What finds first hits for a kernel by "rays", "raster" or "painter"."""
+        scene, camera = self._upload.record, self._camera_record
+        if visibility == "rays":
+            return RayHits(scene, camera, key.camera, self.device, key.sdfs)
+        bounds, painter = self._upload.bounds - self._upload.origin, visibility == "painter"
+        return RasterHits(scene, self._upload.geometries, bounds, camera, key.camera, self.device, painter)
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
@@ -248,11 +256,20 @@ class Renderer:
         return request
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int) -> None:
+        if self._color_hits is None:
+            self._launch(request, first_sample, samples)
+            return
+        for sample in range(first_sample, first_sample + samples):
+            offset = pixel_offset(self._filter_table, request.seed, sample)
+            request.hits, request.offset = self._color_hits.find(self.threads, offset), wp.vec2(*offset)
+            self._launch(request, sample, 1)
+
+    def _launch(self, request: PathRequest, first_sample: int, samples: int) -> None:
         request.first_sample, request.samples = first_sample, samples
-        scene, camera, film = self._upload.record, self._camera_record, self._film.record
-        key = self.plan.path
-        radiance = radiance_function(key)
-        launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads)
+        scene, camera, film, key = self._upload.record, self._camera_record, self._film.record, self.plan.path
+        radiance, rasterized = RADIANCE[self.plan.transport](key), self._color_hits is not None
+        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized)
+        launch_samples(kernel, scene, camera, request, film, self.device, self.threads)
         wp.synchronize_device(self.device)
 
     def _frame(self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool) -> Frame:

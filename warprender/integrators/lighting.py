@@ -269,10 +269,16 @@ def met_function(key: PathKey) -> wp.Function:
 
 
 @cache
-def aimed_function(key: PathKey) -> wp.Function:
-    """`aimed(scene, surface, bsdf, tangent, wo, sample, step) -> Met`: reflected light of one light, aimed at.
+def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Function:
+    """`from_light(scene, surface, bsdf, tangent, wo, index, probability, u) -> Met`: reflected light of one light.
 
-    `count` says whether a shadow ray was traced.
+    One sample of the light, which was chosen with a probability. `count` says whether a shadow ray was traced.
+
+    Args:
+        key: of the kernel.
+        weighted: whether directions that are drawn from the material may meet the light as well.
+        shadows: whether what is in the way keeps the light off; without them, lights count that are below the
+            geometric horizon alone, and the ambient part of a material reflects every light.
     """
     sample_light, _ = light_functions(key.lights)
     prepare, evaluate, _ = material_functions(key.materials, key.features)
@@ -283,23 +289,31 @@ def aimed_function(key: PathKey) -> wp.Function:
     linking = "linking" in key.light_effects
 
     @wp.func
-    def aimed(
-        scene: DeviceScene, surface: Surface, bsdf: Bsdf, tangent: wp.vec3, wo: wp.vec3, sample: SampleStream, step: int
+    def from_light(
+        scene: DeviceScene,
+        surface: Surface,
+        bsdf: Bsdf,
+        tangent: wp.vec3,
+        wo: wp.vec3,
+        index: int,
+        probability: float,
+        u: wp.vec2,
     ) -> Met:
         nothing = Met()
-        u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
-        choice = choose_light(scene, surface.position, surface.geometric_normal, u)
-        if choice.index < 0:
-            return nothing
-        light = scene.lights[choice.index]
+        light = scene.lights[index]
         if wp.static(linking):
             if not is_linked(scene, light.links, scene.instances[surface.hit.instance].prim):
                 return nothing
-        towards = sample_light(scene, light, surface.position, random_pair(sample, step, DIMENSION_LIGHT))
-        if towards.pdf <= 0.0 or wp.dot(surface.geometric_normal, towards.direction) <= 0.0:
+        towards = sample_light(scene, light, surface.position, u)
+        if towards.pdf <= 0.0:
             return nothing
+        if wp.static(shadows):
+            if wp.dot(surface.geometric_normal, towards.direction) <= 0.0:
+                return nothing
         value = evaluate(scene, bsdf, wo, to_frame(tangent, surface.normal, towards.direction))
         response = value.diffuse * light.diffuse + value.specular * light.specular
+        if wp.static(not weighted):
+            response += bsdf.ambient * light.diffuse
         if max_component(response) <= 0.0:
             return nothing
         radiance = towards.radiance
@@ -312,17 +326,43 @@ def aimed_function(key: PathKey) -> wp.Function:
         radiance = wp.cw_mul(radiance, shape(scene, light, towards.direction))
         if max_component(radiance) <= 0.0:
             return nothing
-        density = towards.pdf * choice.probability
+        density = towards.pdf * probability
         weight = wp.float32(1.0)
-        # Rays that hit geometry see its light as light goes: where shadows are changed they leave it to this way.
-        alone = towards.delta != 0 or (towards.hit.instance >= 0 and light.shadow != SHADOW_PLAIN)
-        if not alone:
-            weight = power_heuristic(density, value.pdf)
-        arriving = wp.cw_mul(radiance, shadow(scene, light, ray, surface.footprint)) * (weight / density)
+        if wp.static(weighted):
+            # Rays that hit geometry see its light as light goes: where shadows are changed they leave it to this way.
+            alone = towards.delta != 0 or (towards.hit.instance >= 0 and light.shadow != SHADOW_PLAIN)
+            if not alone:
+                weight = power_heuristic(density, value.pdf)
         result = Met()
-        result.radiance = wp.cw_mul(response, arriving)
-        result.count = 1
+        if wp.static(shadows):
+            arriving = wp.cw_mul(radiance, shadow(scene, light, ray, surface.footprint)) * (weight / density)
+            result.radiance = wp.cw_mul(response, arriving)
+            result.count = 1
+        else:
+            result.radiance = wp.cw_mul(response, radiance) * (weight / density)
         return result
+
+    return from_light
+
+
+@cache
+def aimed_function(key: PathKey) -> wp.Function:
+    """`aimed(scene, surface, bsdf, tangent, wo, sample, step) -> Met`: reflected light of one light, aimed at.
+
+    `count` says whether a shadow ray was traced.
+    """
+    from_light = from_light_function(key, True, True)
+
+    @wp.func
+    def aimed(
+        scene: DeviceScene, surface: Surface, bsdf: Bsdf, tangent: wp.vec3, wo: wp.vec3, sample: SampleStream, step: int
+    ) -> Met:
+        u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
+        choice = choose_light(scene, surface.position, surface.geometric_normal, u)
+        if choice.index < 0:
+            return Met()
+        u = random_pair(sample, step, DIMENSION_LIGHT)
+        return from_light(scene, surface, bsdf, tangent, wo, choice.index, choice.probability, u)
 
     return aimed
 

@@ -1,0 +1,228 @@
+"""Transport "direct": the light that comes straight from light sources, with shadow rays; and what it shares.
+
+Lights are added up one by one, each by one sample: delta lights exactly, area lights at a random point, domes of one
+colour in a direction that the material is sampled for. Perfectly specular lobes reflect nothing here.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import warp as wp
+
+from ..lights.choice import LightChoice, choose_light
+from ..lights.dispatch import light_functions, shaping_function
+from ..lights.linking import is_linked
+from ..materials.dispatch import material_functions
+from ..materials.normal_map import shading_function
+from ..numerics import INFINITY, PI, from_frame, offset_origin, tangent_of, to_frame
+from ..plan import PathKey
+from ..records import EVENT_SCATTER, MESH, Bsdf, DeviceScene, Hit, Ray, Surface
+from ..sampling import (
+    DIMENSION_BSDF,
+    DIMENSION_LIGHT,
+    DIMENSION_LIGHT_CHOICE,
+    DIMENSION_LOBE,
+    SampleStream,
+    branch,
+    random_pair,
+    uniform_cone,
+)
+from ..visibility.sdf import ray_functions
+from .lighting import MOST_PASSES, Departure, Met, from_light_function, glow_function, met_function, shadow_function
+from .samples import PathRequest, PathResult
+
+#: Up to this many lights are added up; of more, the light tree chooses one a sample, and what it stands for is added.
+MOST_LIGHTS = wp.constant(wp.int32(32))
+
+_MESH = wp.constant(wp.int32(MESH))
+
+
+@cache
+def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
+    """`from_dome(scene, surface, bsdf, tangent, wo, index, sample, step) -> Met`: what a dome of one colour gives.
+
+    The ambient part is a reflection of the whole dome; with shadows, of the half above the surface.
+    """
+    _, _, sample_bsdf = material_functions(key.materials, key.features)
+    _, meet_light = light_functions(key.lights)
+    shape = shaping_function(key.light_effects)
+    shadow = shadow_function(key)
+    linking = "linking" in key.light_effects
+
+    @wp.func
+    def along(scene: DeviceScene, surface: Surface, index: int, direction: wp.vec3) -> wp.vec3:
+        light = scene.lights[index]
+        found = meet_light(scene, light, surface.position, direction)
+        radiance = wp.cw_mul(found.radiance, shape(scene, light, direction))
+        if wp.static(shadows):
+            ray = Ray()
+            ray.origin = offset_origin(surface.position, surface.error, surface.geometric_normal, direction)
+            ray.direction = direction
+            ray.t_max = INFINITY
+            radiance = wp.cw_mul(radiance, shadow(scene, light, ray, surface.footprint))
+        return radiance
+
+    @wp.func
+    def from_dome(
+        scene: DeviceScene,
+        surface: Surface,
+        bsdf: Bsdf,
+        tangent: wp.vec3,
+        wo: wp.vec3,
+        index: int,
+        sample: SampleStream,
+        step: int,
+    ) -> Met:
+        total = Met()
+        light = scene.lights[index]
+        if wp.static(linking):
+            if not is_linked(scene, light.links, scene.instances[surface.hit.instance].prim):
+                return total
+        if wp.length_sq(bsdf.ambient) > 0.0:
+            span = wp.static(1.0 if shadows else 2.0)
+            local = uniform_cone(random_pair(sample, step, DIMENSION_LIGHT), span)
+            towards = from_frame(tangent_of(surface.geometric_normal), surface.geometric_normal, local)
+            arriving = along(scene, surface, index, towards) * (2.0 * PI * span)
+            total.radiance += wp.cw_mul(bsdf.ambient, arriving) * light.diffuse
+            total.count += wp.static(int(shadows))
+        lobe = random_pair(sample, step, DIMENSION_LOBE)
+        scattered = sample_bsdf(scene, bsdf, wo, random_pair(sample, step, DIMENSION_BSDF), lobe[0])
+        direction = from_frame(tangent, surface.normal, scattered.direction)
+        if scattered.event == EVENT_SCATTER and wp.dot(surface.geometric_normal, direction) > 0.0:
+            response = scattered.diffuse * light.diffuse + scattered.specular * light.specular
+            total.radiance += wp.cw_mul(response, along(scene, surface, index, direction))
+            total.count += wp.static(int(shadows))
+        return total
+
+    return from_dome
+
+
+@cache
+def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
+    """`reflected(scene, surface, bsdf, tangent, wo, sample, step) -> Met`: light from all lights, once reflected.
+
+    Args:
+        key: of the kernel.
+        shadows: whether what is in the way keeps light off; `count` says how many rays that took.
+    """
+    from_light = from_light_function(key, False, shadows)
+    from_dome = from_dome_function(key, shadows)
+    with_domes = "DomeLight" in key.lights
+
+    @wp.func
+    def reflected(
+        scene: DeviceScene, surface: Surface, bsdf: Bsdf, tangent: wp.vec3, wo: wp.vec3, sample: SampleStream, step: int
+    ) -> Met:
+        total = Met()
+        choice = LightChoice()
+        begin = wp.int32(0)
+        end = scene.lights.shape[0]
+        few = end <= MOST_LIGHTS
+        if not few:
+            # One of all, and those at infinity for the domes among them that are not chosen.
+            u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
+            choice = choose_light(scene, surface.position, surface.geometric_normal, u)
+            begin = scene.finite_lights - 1
+            end = scene.finite_lights + scene.infinite_lights
+        for number in range(begin, end):
+            index = wp.max(number, 0)
+            probability = wp.where(scene.lights[index].choice > 0.0, 1.0, 0.0)
+            if not few:
+                probability = 0.0
+                if number == begin and choice.index >= 0:
+                    index = choice.index
+                    probability = choice.probability
+            own = branch(sample, number)
+            if probability > 0.0:
+                u = random_pair(own, step, DIMENSION_LIGHT)
+                one = from_light(scene, surface, bsdf, tangent, wo, index, probability, u)
+                total.radiance += one.radiance
+                total.count += one.count
+            elif wp.static(with_domes):
+                if scene.lights[index].is_dome != 0 and scene.lights[index].choice <= 0.0:
+                    one = from_dome(scene, surface, bsdf, tangent, wo, index, own, step)
+                    total.radiance += one.radiance
+                    total.count += one.count
+        return total
+
+    return reflected
+
+
+@cache
+def first_surfaces_function(key: PathKey, shadows: bool) -> wp.Function:
+    """`radiance(…)` of `samples`: surfaces that the camera sees, each by its emission and the lights on it.
+
+    What is not opaque is laid over what is behind it, without noise.
+
+    Args:
+        key: of the kernel.
+        shadows: whether lights are kept off by what is in the way.
+    """
+    shading_at = shading_function(key.shapes, key.features)
+    prepare, _, _ = material_functions(key.materials, key.features)
+    _, closest_after, _ = ray_functions(key.sdfs)
+    met = met_function(key)
+    glow = glow_function(key)
+    reflected = reflected_function(key, shadows)
+    with_lights, straight_through = bool(key.lights), key.straight_through
+
+    @wp.func
+    def behind(scene: DeviceScene, ray: Ray, hit: Hit) -> Hit:
+        following = closest_after(scene, ray, hit)
+        # A rasterized hit may lie a little before the ray's own with the same triangle, which is met once.
+        if following.instance == hit.instance and following.face == hit.face and following.instance >= 0:
+            geometry = scene.world.instances[hit.instance].geometry
+            if scene.world.geometries[geometry].kind == _MESH:
+                following = closest_after(scene, ray, following)
+        return following
+
+    @wp.func
+    def radiance(
+        scene: DeviceScene, request: PathRequest, ray: Ray, first_hit: Hit, cone: wp.vec2, sample: SampleStream
+    ) -> PathResult:
+        result = PathResult()
+        camera = Departure()
+        camera.prim = -1
+        camera.diffuse = wp.vec3(1.0, 1.0, 1.0)
+        clear = wp.float32(1.0)
+        passed_t = -INFINITY
+        hit = first_hit
+        step = wp.int32(0)
+        while step < MOST_PASSES:
+            if wp.static(with_lights):
+                lights = met(scene, request.visible, camera, ray, passed_t, hit.t)
+                result.radiance += lights.radiance
+                if lights.count > 0:
+                    clear = 0.0
+            if hit.instance < 0:
+                break
+            surface = shading_at(scene, ray, hit, cone[0] + cone[1] * hit.t)
+            bsdf = prepare(scene, surface)
+            result.radiance += glow(scene, camera, ray.direction, surface, bsdf.emission)
+            if wp.static(with_lights):
+                tangent = tangent_of(surface.normal)
+                wo = to_frame(tangent, surface.normal, surface.outgoing)
+                light = reflected(scene, surface, bsdf, tangent, wo, sample, step)
+                result.radiance += wp.cw_mul(camera.diffuse, light.radiance)
+                result.rays += wp.vec3i(0, 0, light.count)
+            if wp.static(not straight_through):
+                clear = 0.0
+                break
+            clear = clear * bsdf.pass_through
+            camera.diffuse = camera.diffuse * bsdf.pass_through
+            if bsdf.pass_through <= 0.0:
+                break
+            passed_t = hit.t
+            hit = behind(scene, ray, hit)
+            step += 1
+        result.alpha = 1.0 - clear
+        return result
+
+    return radiance
+
+
+@cache
+def radiance_function(key: PathKey) -> wp.Function:
+    """`radiance(…)` of `samples`: the local reflection model with shadow rays, soft ones from area lights."""
+    return first_surfaces_function(key, True)
