@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         Shaping,
         SphereLight,
     )
-    from .materials import DisplayColor, PreviewSurface
+    from .materials import DisplayColor, Phong, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -53,6 +53,7 @@ _HOMES = {
     "Frame": "frame",
     "LightTexture": "lights",
     "MeshLight": "lights",
+    "Phong": "materials",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
     "Raster": "visibility.raster",
@@ -83,6 +84,7 @@ __all__ = [
     "Frame",
     "LightTexture",
     "MeshLight",
+    "Phong",
     "PreviewSurface",
     "PrimvarReader",
     "Raster",

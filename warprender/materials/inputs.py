@@ -147,3 +147,9 @@ def values_function(features: tuple[str, ...]) -> wp.Function:
         return values
 
     return material_values
+
+
+@wp.func
+def row_of(values: MaterialValues, number: int) -> wp.vec3:
+    """A colour among the values."""
+    return wp.vec3(values[number, 0], values[number, 1], values[number, 2])

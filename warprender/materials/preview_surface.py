@@ -29,12 +29,11 @@ from ..records import (
     BsdfSample,
     BsdfValue,
     DeviceScene,
-    MaterialValues,
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
 from .albedo import SIZE, albedo_table, white_albedo
-from .inputs import NORMAL, Color, Number, Varying, constant, least, values_function
+from .inputs import NORMAL, Color, Number, Varying, constant, least, row_of, values_function
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -203,12 +202,6 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
         return bsdf
 
     return prepare
-
-
-@wp.func
-def row_of(values: MaterialValues, number: int) -> wp.vec3:
-    """A colour among the values."""
-    return wp.vec3(values[number, 0], values[number, 1], values[number, 2])
 
 
 @wp.func

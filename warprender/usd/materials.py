@@ -1,4 +1,4 @@
-"""UsdShade materials that end in a UsdPreviewSurface."""
+"""UsdShade materials that end in a shader that is drawn."""
 
 from __future__ import annotations
 
@@ -7,24 +7,27 @@ from dataclasses import fields
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import PreviewSurface
+from ..materials import Material, Phong, PreviewSurface
 from ..materials.inputs import Varying
 from .reading import Reading, one_line
 from .textures import is_output, producer, read_node
 
+#: Kind of material of each shader id; its fields are the shader's inputs.
+SHADERS = {"UsdPreviewSurface": PreviewSurface, "warprender:Phong": Phong}
 
-def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurface | None:
-    """The material as a `PreviewSurface`; None, with a remark if it names a surface, where it is none."""
+
+def read_material(reading: Reading, material: UsdShade.Material) -> Material | None:
+    """The material that its surface shader describes; None, with a remark if it names a surface, where it is none."""
     try:
         shader, _, _ = material.ComputeSurfaceSource()
         if not shader:
             _remark_other_surface(reading, material)
             return None
         name = shader.GetShaderId() or "a shader without an id"
-        if name != "UsdPreviewSurface":
+        if name not in SHADERS:
             reading.remark(material.GetPrim(), f"surface {name} is not drawn yet")
             return None
-        return PreviewSurface(**_inputs(reading, shader))
+        return SHADERS[name](**_inputs(reading, shader, SHADERS[name]))
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
         return None
@@ -36,10 +39,10 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
         reading.remark(material.GetPrim(), f"surface {contexts[0]} is not drawn yet")
 
 
-def _inputs(reading: Reading, shader: UsdShade.Shader) -> dict[str, object]:
-    """Constants, textures and primvars of the shader's inputs, by field of `PreviewSurface`."""
+def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type) -> dict[str, object]:
+    """Constants, textures and primvars of the shader's inputs, by field of this kind of material."""
     values = {}
-    for field in fields(PreviewSurface):
+    for field in fields(kind):
         source = producer(reading, shader, field.name)
         if source is None:
             continue
