@@ -2,7 +2,7 @@
 
 I = Σ_L (k_a + k_d (l·n) + k_s (r·v)^α) L, where r is the direction l to the light, reflected about the normal n.
 
-L is what a light sends to a surface that faces it: the irradiance of a sun, the integral of radiance over an area light.
+L is what a light sends to a surface that faces it: the irradiance of a sun, the radiance of an area light, integrated.
 There is no π in it, and a surface may reflect more than arrives. So `path`, in which light goes on from surface to
 surface, takes f cos θ = (k_d (l·n) + k_s (r·v)^α) / π: k_d is a Lambert albedo there, k_a, which stands for light from
 other surfaces, is left out, and where k_d + 2 k_s / (α + 1), which bounds the reflected share, is above 1 all is
