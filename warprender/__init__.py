@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         Shaping,
         SphereLight,
     )
-    from .materials import DisplayColor, Phong, PreviewSurface
+    from .materials import Dielectric, DisplayColor, Phong, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -46,6 +46,7 @@ _HOMES = {
     "Camera": "camera",
     "CameraLight": "lights",
     "CylinderLight": "lights",
+    "Dielectric": "materials",
     "DiskLight": "lights",
     "DisplayColor": "materials",
     "DistantLight": "lights",
@@ -77,6 +78,7 @@ __all__ = [
     "Camera",
     "CameraLight",
     "CylinderLight",
+    "Dielectric",
     "DiskLight",
     "DisplayColor",
     "DistantLight",

@@ -16,7 +16,7 @@ from .camera import Camera
 from .emitters import emits, lit
 from .lights import Light
 from .lights.dispatch import FUNCTIONS
-from .materials import MATERIALS, DisplayColor
+from .materials import MATERIALS, TRANSMITTING, DisplayColor
 from .materials.inputs import FEATURES, NORMAL
 from .outputs import OUTPUTS
 from .scene import Placement, Scene, SceneError, materials_of
@@ -314,7 +314,7 @@ def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tupl
     """What material inputs need of the kernel; notes each input that varies, and cut-outs, with the first caller."""
     features = {"energy compensation"} if request.energy_compensation else set()
     uses: dict[str, str] = {}
-    cut_out = ""
+    cut_out = transmission = ""
     for path, placement in scene.placements.items():
         for key in materials_of(placement):
             material = scene.materials[key]
@@ -324,12 +324,16 @@ def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tupl
                 uses.setdefault(f"{reads} {name}", path)
                 if number == NORMAL:
                     features.add("normal map")
+            if isinstance(material, TRANSMITTING):
+                features.add("transmission")
+                transmission = transmission or path
             if material.is_cut_out():
                 cut_out = cut_out or path
     plan.reasons |= dict(sorted(uses.items()))
     for feature in ("normal map", "primvar", "texture"):
         if feature not in features:
             plan.absent[feature] = f"a material input that is connected to a {feature}"
+    _note(plan, "transmission", transmission, "a warprender:Dielectric")
     _note(plan, "cut-out", cut_out, "an opacityThreshold above 0")
     _note(plan, "energy compensation", "asked for" if request.energy_compensation else "", "--energyCompensation")
     return tuple(sorted(features))

@@ -65,6 +65,10 @@ class Bsdf:
     `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
     diffuse part, already scaled by it, leaves to nothing else. `ambient` is reflected of every light by the transports
     that add up lights one by one, and by no other.
+
+    `eta` is the index of refraction beyond the surface over that on the viewer's side, 0 for what does not refract;
+    `transmission` is the factor of what crosses, `absorption` that of the medium inside per scene unit, and `thin` is
+    1 for a sheet that has both its faces.
     """
 
     kind: wp.int32
@@ -81,6 +85,10 @@ class Bsdf:
     present: wp.float32
     cover: wp.float32
     pass_through: wp.float32
+    eta: wp.float32
+    transmission: wp.vec3
+    absorption: wp.vec3
+    thin: wp.int32
 
 
 @wp.struct

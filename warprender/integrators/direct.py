@@ -29,7 +29,19 @@ from ..sampling import (
     uniform_cone,
 )
 from ..visibility.sdf import ray_functions
-from .lighting import MOST_PASSES, Departure, Met, from_light_function, glow_function, met_function, shadow_function
+from .lighting import (
+    MOST_PASSES,
+    Departure,
+    Met,
+    from_light_function,
+    glow_function,
+    is_across,
+    light_normal,
+    medium_towards,
+    met_function,
+    shadow_function,
+    transmittance,
+)
 from .samples import PathRequest, PathResult
 
 #: Up to this many lights are added up; of more, the light tree chooses one a sample, and what it stands for is added.
@@ -40,7 +52,7 @@ _MESH = wp.constant(wp.int32(MESH))
 
 @cache
 def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
-    """`from_dome(scene, surface, bsdf, tangent, wo, index, sample, step) -> Met`: what a dome of one colour gives.
+    """`from_dome(scene, surface, bsdf, around, tangent, wo, index, sample, step) -> Met`: one dome of one colour.
 
     The ambient part is a reflection of the whole dome; with shadows, of the half above the surface.
     """
@@ -48,7 +60,7 @@ def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
     _, meet_light = light_functions(key.lights)
     shape = shaping_function(key.light_effects)
     shadow = shadow_function(key)
-    linking = "linking" in key.light_effects
+    linking, transmission = "linking" in key.light_effects, "transmission" in key.features
 
     @wp.func
     def along(scene: DeviceScene, surface: Surface, index: int, direction: wp.vec3) -> wp.vec3:
@@ -68,6 +80,7 @@ def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
         scene: DeviceScene,
         surface: Surface,
         bsdf: Bsdf,
+        around: wp.vec3,
         tangent: wp.vec3,
         wo: wp.vec3,
         index: int,
@@ -89,8 +102,11 @@ def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
         lobe = random_pair(sample, step, DIMENSION_LOBE)
         scattered = sample_bsdf(scene, bsdf, wo, random_pair(sample, step, DIMENSION_BSDF), lobe[0])
         direction = from_frame(tangent, surface.normal, scattered.direction)
-        if scattered.event == EVENT_SCATTER and wp.dot(surface.geometric_normal, direction) > 0.0:
+        if scattered.event == EVENT_SCATTER and not is_across(surface, scattered.direction, direction):
             response = scattered.diffuse * light.diffuse + scattered.specular * light.specular
+            if wp.static(transmission):
+                medium = medium_towards(surface, bsdf, around, direction)
+                response = wp.cw_mul(response, transmittance(medium, INFINITY))
             total.radiance += wp.cw_mul(response, along(scene, surface, index, direction))
             total.count += wp.static(int(shadows))
         return total
@@ -100,7 +116,8 @@ def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
 
 @cache
 def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
-    """`reflected(scene, surface, bsdf, tangent, wo, sample, step) -> Met`: light from all lights, once reflected.
+    """`reflected(scene, surface, bsdf, around, tangent, wo, sample, step) -> Met`: light of all lights, once
+    scattered.
 
     Args:
         key: of the kernel.
@@ -108,11 +125,18 @@ def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
     """
     from_light = from_light_function(key, False, shadows)
     from_dome = from_dome_function(key, shadows)
-    with_domes = "DomeLight" in key.lights
+    with_domes, transmission = "DomeLight" in key.lights, "transmission" in key.features
 
     @wp.func
     def reflected(
-        scene: DeviceScene, surface: Surface, bsdf: Bsdf, tangent: wp.vec3, wo: wp.vec3, sample: SampleStream, step: int
+        scene: DeviceScene,
+        surface: Surface,
+        bsdf: Bsdf,
+        around: wp.vec3,
+        tangent: wp.vec3,
+        wo: wp.vec3,
+        sample: SampleStream,
+        step: int,
     ) -> Met:
         total = Met()
         choice = LightChoice()
@@ -122,7 +146,10 @@ def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
         if not few:
             # One of all, and those at infinity for the domes among them that are not chosen.
             u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
-            choice = choose_light(scene, surface.position, surface.geometric_normal, u)
+            normal = surface.geometric_normal
+            if wp.static(transmission):
+                normal = light_normal(surface, bsdf)
+            choice = choose_light(scene, surface.position, normal, u)
             begin = scene.finite_lights - 1
             end = scene.finite_lights + scene.infinite_lights
         for number in range(begin, end):
@@ -136,12 +163,12 @@ def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
             own = branch(sample, number)
             if probability > 0.0:
                 u = random_pair(own, step, DIMENSION_LIGHT)
-                one = from_light(scene, surface, bsdf, tangent, wo, index, probability, u)
+                one = from_light(scene, surface, bsdf, around, tangent, wo, index, probability, u)
                 total.radiance += one.radiance
                 total.count += one.count
             elif wp.static(with_domes):
                 if scene.lights[index].is_dome != 0 and scene.lights[index].choice <= 0.0:
-                    one = from_dome(scene, surface, bsdf, tangent, wo, index, own, step)
+                    one = from_dome(scene, surface, bsdf, around, tangent, wo, index, own, step)
                     total.radiance += one.radiance
                     total.count += one.count
         return total
@@ -203,7 +230,7 @@ def first_surfaces_function(key: PathKey, shadows: bool) -> wp.Function:
             if wp.static(with_lights):
                 tangent = tangent_of(surface.normal)
                 wo = to_frame(tangent, surface.normal, surface.outgoing)
-                light = reflected(scene, surface, bsdf, tangent, wo, sample, step)
+                light = reflected(scene, surface, bsdf, camera.absorption, tangent, wo, sample, step)
                 result.radiance += wp.cw_mul(camera.diffuse, light.radiance)
                 result.rays += wp.vec3i(0, 0, light.count)
             if wp.static(not straight_through):

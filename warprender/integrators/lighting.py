@@ -45,7 +45,8 @@ class Departure:
     """Where a ray comes from, as the lights that it meets must know.
 
     `pdf` is the density of its direction: 0 after a delta event and at the camera, where no light was aimed at.
-    `prim` is -1 at the camera. The throughput is split as the lights' `diffuse` and `specular` need it.
+    `prim` is -1 at the camera. The throughput is split as the lights' `diffuse` and `specular` need it. `normal` is
+    zero where light arrives from both sides. `absorption` is that of the medium that lies ahead, per scene unit.
     """
 
     position: wp.vec3
@@ -54,6 +55,7 @@ class Departure:
     pdf: wp.float32
     diffuse: wp.vec3
     specular: wp.vec3
+    absorption: wp.vec3
 
 
 @wp.struct
@@ -79,6 +81,46 @@ def end_margin(origin: wp.vec3, distance: float) -> float:
     if distance < INFINITY:
         margin = (max_component(wp.abs(origin)) + distance) * GAMMA_7
     return margin
+
+
+@wp.func
+def transmittance(absorption: wp.vec3, distance: float) -> wp.vec3:
+    """What is left of light after a way through a medium (Beer's law); the distance may be infinite."""
+    left = wp.vec3(1.0, 1.0, 1.0)
+    for c in range(3):
+        if absorption[c] > 0.0:
+            left[c] = wp.exp(-absorption[c] * distance)
+    return left
+
+
+@wp.func
+def medium_towards(surface: Surface, bsdf: Bsdf, around: wp.vec3, direction: wp.vec3) -> wp.vec3:
+    """Absorption of what lies beside a surface in this direction, where the medium on the viewer's side is `around`.
+
+    Outside of what refracts is vacuum, inside its own medium.
+    """
+    if bsdf.eta <= 0.0 or bsdf.thin != 0:
+        return around
+    if (wp.dot(surface.geometric_normal, direction) > 0.0) == (surface.front != 0):
+        return wp.vec3(0.0, 0.0, 0.0)
+    return bsdf.absorption
+
+
+@wp.func
+def light_normal(surface: Surface, bsdf: Bsdf) -> wp.vec3:
+    """Normal by which lights are chosen; zero where light from below is scattered too."""
+    if bsdf.eta > 0.0:
+        return wp.vec3(0.0, 0.0, 0.0)
+    return surface.geometric_normal
+
+
+@wp.func
+def is_across(surface: Surface, local: wp.vec3, direction: wp.vec3) -> bool:
+    """Whether a direction lies on another side of the true surface than of the shading frame, where it is `local`."""
+    cosine = wp.dot(surface.geometric_normal, direction)
+    if local[2] < 0.0:
+        return cosine >= 0.0
+    return cosine <= 0.0
 
 
 @wp.func
@@ -192,6 +234,7 @@ def met_function(key: PathKey) -> wp.Function:
     shape = shaping_function(key.light_effects)
     shadow = shadow_function(key)
     effects = key.light_effects
+    transmission = "transmission" in key.features
 
     @wp.func
     def met_one(
@@ -239,6 +282,8 @@ def met_function(key: PathKey) -> wp.Function:
             chosen = probability_of(scene, departure.position, departure.normal, light, finite)
             weight = power_heuristic(departure.pdf, found.pdf * chosen)
         arriving = wp.cw_mul(arriving, shape(scene, light, ray.direction))
+        if wp.static(transmission):
+            arriving = wp.cw_mul(arriving, transmittance(departure.absorption, found.distance - wp.max(near, 0.0)))
         result = Met()
         result.radiance = total.radiance + wp.cw_mul(share_of(light, departure), arriving) * weight
         result.count = total.count + 1
@@ -270,9 +315,10 @@ def met_function(key: PathKey) -> wp.Function:
 
 @cache
 def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Function:
-    """`from_light(scene, surface, bsdf, tangent, wo, index, probability, u) -> Met`: reflected light of one light.
+    """`from_light(scene, surface, bsdf, around, tangent, wo, index, probability, u) -> Met`: one light, scattered.
 
-    One sample of the light, which was chosen with a probability. `count` says whether a shadow ray was traced.
+    One sample of the light, which was chosen with a probability. `count` says whether a shadow ray was traced. `around`
+    is the absorption of the medium on the viewer's side.
 
     Args:
         key: of the kernel.
@@ -287,12 +333,14 @@ def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Funct
     shadow = shadow_function(key)
     glow = bool(set(GLOWING) & set(key.lights))
     linking = "linking" in key.light_effects
+    transmission = "transmission" in key.features
 
     @wp.func
     def from_light(
         scene: DeviceScene,
         surface: Surface,
         bsdf: Bsdf,
+        around: wp.vec3,
         tangent: wp.vec3,
         wo: wp.vec3,
         index: int,
@@ -307,13 +355,15 @@ def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Funct
         towards = sample_light(scene, light, surface.position, u)
         if towards.pdf <= 0.0:
             return nothing
+        local = to_frame(tangent, surface.normal, towards.direction)
         if wp.static(shadows):
-            if wp.dot(surface.geometric_normal, towards.direction) <= 0.0:
+            if is_across(surface, local, towards.direction):
                 return nothing
-        value = evaluate(scene, bsdf, wo, to_frame(tangent, surface.normal, towards.direction))
+        value = evaluate(scene, bsdf, wo, local)
         response = value.diffuse * light.diffuse + value.specular * light.specular
         if wp.static(not weighted):
-            response += bsdf.ambient * light.diffuse
+            if wp.static(not shadows) or local[2] > 0.0:
+                response += bsdf.ambient * light.diffuse
         if max_component(response) <= 0.0:
             return nothing
         radiance = towards.radiance
@@ -333,6 +383,9 @@ def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Funct
             alone = towards.delta != 0 or (towards.hit.instance >= 0 and light.shadow != SHADOW_PLAIN)
             if not alone:
                 weight = power_heuristic(density, value.pdf)
+        if wp.static(transmission):
+            medium = medium_towards(surface, bsdf, around, towards.direction)
+            radiance = wp.cw_mul(radiance, transmittance(medium, towards.distance))
         result = Met()
         if wp.static(shadows):
             arriving = wp.cw_mul(radiance, shadow(scene, light, ray, surface.footprint)) * (weight / density)
@@ -347,22 +400,33 @@ def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Funct
 
 @cache
 def aimed_function(key: PathKey) -> wp.Function:
-    """`aimed(scene, surface, bsdf, tangent, wo, sample, step) -> Met`: reflected light of one light, aimed at.
+    """`aimed(scene, surface, bsdf, around, tangent, wo, sample, step) -> Met`: scattered light of one, aimed at.
 
-    `count` says whether a shadow ray was traced.
+    `count` says whether a shadow ray was traced. `around` is the absorption of the medium on the viewer's side.
     """
     from_light = from_light_function(key, True, True)
+    transmission = "transmission" in key.features
 
     @wp.func
     def aimed(
-        scene: DeviceScene, surface: Surface, bsdf: Bsdf, tangent: wp.vec3, wo: wp.vec3, sample: SampleStream, step: int
+        scene: DeviceScene,
+        surface: Surface,
+        bsdf: Bsdf,
+        around: wp.vec3,
+        tangent: wp.vec3,
+        wo: wp.vec3,
+        sample: SampleStream,
+        step: int,
     ) -> Met:
         u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
-        choice = choose_light(scene, surface.position, surface.geometric_normal, u)
+        normal = surface.geometric_normal
+        if wp.static(transmission):
+            normal = light_normal(surface, bsdf)
+        choice = choose_light(scene, surface.position, normal, u)
         if choice.index < 0:
             return Met()
         u = random_pair(sample, step, DIMENSION_LIGHT)
-        return from_light(scene, surface, bsdf, tangent, wo, choice.index, choice.probability, u)
+        return from_light(scene, surface, bsdf, around, tangent, wo, choice.index, choice.probability, u)
 
     return aimed
 

@@ -57,7 +57,10 @@ def mean_inverse_square(node: LightNode, p: wp.vec3, radius: float) -> float:
 
 @wp.func
 def importance(node: LightNode, p: wp.vec3, n: wp.vec3) -> float:
-    """Bound on what the node's lights send to a surface at p with normal n; 0 only where they send nothing."""
+    """Bound on what the node's lights send to a surface at p with normal n; 0 only where they send nothing.
+
+    A surface that takes light from both sides has no normal: zero.
+    """
     radius = 0.5 * wp.length(node.upper - node.lower)
     to_centre = 0.5 * (node.lower + node.upper) - p
     square = wp.dot(to_centre, to_centre)
@@ -77,6 +80,8 @@ def importance(node: LightNode, p: wp.vec3, n: wp.vec3) -> float:
     cos_leaving = cos_of_rest(sin_of(cos_away), cos_away, sin_box, cos_box)
     if cos_leaving <= node.cos_fade:
         return 0.0
+    if wp.dot(n, n) == 0.0:
+        return node.power * wp.max(cos_leaving, 1.0e-3) * falloff
     # And the least angle between the normal and the way to a light: nothing comes from below the horizon.
     cos_normal = wp.clamp(wp.dot(n, direction), -1.0, 1.0)
     cos_arriving = cos_of_rest(sin_of(cos_normal), cos_normal, sin_box, cos_box)

@@ -33,7 +33,7 @@ from ..records import (
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
 from .albedo import SIZE, albedo_table, white_albedo
-from .inputs import NORMAL, Color, Number, Varying, constant, least, row_of, values_function
+from .inputs import NORMAL, Color, Number, Varying, clamped, constant, least, row_of, values_function
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -202,12 +202,6 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
         return bsdf
 
     return prepare
-
-
-@wp.func
-def clamped(color: wp.vec3) -> wp.vec3:
-    """A reflectance within what a surface can reflect."""
-    return wp.vec3(wp.clamp(color[0], 0.0, 1.0), wp.clamp(color[1], 0.0, 1.0), wp.clamp(color[2], 0.0, 1.0))
 
 
 @wp.func

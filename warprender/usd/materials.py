@@ -1,4 +1,4 @@
-"""UsdShade materials that end in a shader that is drawn."""
+"""UsdShade materials that end in a shader with an id of `SURFACES`."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from dataclasses import fields
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import Material, Phong, PreviewSurface
+from ..materials import Dielectric, Material, Phong, PreviewSurface
 from ..materials.inputs import Varying
 from .reading import Reading, one_line
 from .textures import is_output, producer, read_node
 
-#: Kind of material of each shader id; its fields are the shader's inputs.
-SHADERS = {"UsdPreviewSurface": PreviewSurface, "warprender:Phong": Phong}
+#: Surface shaders by id. Their inputs have the names of the fields.
+SURFACES = {"UsdPreviewSurface": PreviewSurface, "warprender:Dielectric": Dielectric, "warprender:Phong": Phong}
 
 
 def read_material(reading: Reading, material: UsdShade.Material) -> Material | None:
-    """The material that its surface shader describes; None, with a remark if it names a surface, where it is none."""
+    """The material as what its surface shader is; None, with a remark if it names one, where it is none of ours."""
     try:
         shader, _, _ = material.ComputeSurfaceSource()
         if not shader:
             _remark_other_surface(reading, material)
             return None
         name = shader.GetShaderId() or "a shader without an id"
-        if name not in SHADERS:
+        if name not in SURFACES:
             reading.remark(material.GetPrim(), f"surface {name} is not drawn yet")
             return None
-        return SHADERS[name](**_inputs(reading, shader, SHADERS[name]))
+        return SURFACES[name](**_inputs(reading, shader, SURFACES[name]))
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
         return None
@@ -39,8 +39,8 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
         reading.remark(material.GetPrim(), f"surface {contexts[0]} is not drawn yet")
 
 
-def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type) -> dict[str, object]:
-    """Constants, textures and primvars of the shader's inputs, by field of this kind of material."""
+def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> dict[str, object]:
+    """Constants, textures and primvars of the shader's inputs, by field of the kind of material."""
     values = {}
     for field in fields(kind):
         source = producer(reading, shader, field.name)
@@ -76,6 +76,6 @@ def _converted(value: object, default: object) -> object:
     if isinstance(default, str):
         return str(value)
     numbers = np.asarray(value, np.float64).reshape(-1)
-    if len(numbers) != np.size(default) or not np.isfinite(numbers).all():
+    if len(numbers) != np.size(default) or not (np.isfinite(numbers) | (numbers == default)).all():
         raise ValueError("not such a value")
     return tuple(map(float, numbers)) if isinstance(default, tuple) else type(default)(numbers[0])
