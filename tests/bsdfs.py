@@ -56,7 +56,7 @@ _EVALUATE, _SAMPLE = _kernels()
 
 def _run(kernel, material, front, wo, values, dtype):
     scene = wr.Scene()
-    scene.materials["/look"] = material
+    scene.add_sphere("/look", material=material)
     held = Upload(scene, {}, np.zeros(3), "cpu")
     held.record.display_color = held.record.display_opacity = -1
     values = np.asarray(values, np.float32)

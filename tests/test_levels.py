@@ -11,13 +11,13 @@ PACKAGE = Path(warprender.__file__).parent
 LEVELS = (
     {"numerics", "sampling", "color", "launch"},
     {"records", "images"},
-    {"texels", "textures"},
+    {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs"},
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"integrators", "upload", "upload_lights", "checks", "receipt"},
-    {"frame", "renderer"},
+    {"integrators", "upload", "upload_lights", "upload_glow", "checks", "receipt"},
+    {"frame", "renderer", "gonioreflectometer"},
     {"usd", "cli"},
     {"__init__", "__main__"},
 )
@@ -29,8 +29,11 @@ NEIGHBOURS = {
     ("materials", "shapes"),
     ("lights", "shapes"),
     ("textures", "texels"),
+    ("texture_lookup", "textures"),
+    ("texture_lookup", "texels"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
+    ("upload_lights", "upload_glow"),
     ("renderer", "frame"),
     ("__main__", "__init__"),
 }

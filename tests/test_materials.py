@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
+from brdf_tables import few_cells, lobes
 from bsdfs import DELTA, PASS, SCATTER, evaluated, hemisphere, sampled, towards, weights
 from chance import SIGMAS, chi_square
 from hypothesis import given, settings
@@ -26,6 +27,8 @@ LOOKS = {
     "delta coat": wr.PreviewSurface(roughness=0.5, clearcoat=0.7, clearcoatRoughness=0.0),
     "phong": wr.Phong(diffuseColor=(0.2, 0.5, 0.4), specularColor=(0.3, 0.2, 0.1), exponent=20.0),
     "phong beyond 1": wr.Phong((9.0,) * 3, (2.0, 1.0, 0.5), (3.0, 1.0, 9.0), exponent=0.5),
+    "measured": wr.MeasuredBRDF(lobes()),
+    "measured, few cells": wr.MeasuredBRDF(few_cells()),
 }
 COSINES = (1.0, 0.7, 0.2)
 
@@ -175,7 +178,9 @@ def test_roughness_below_a_delta_lobes_is_a_mirror():
         ).all()
 
 
-@pytest.mark.parametrize("look", ["plastic", "metal", "coated", "glass", "delta coat", "phong"])
+@pytest.mark.parametrize(
+    "look", ["plastic", "metal", "coated", "glass", "delta coat", "phong", "measured", "measured, few cells"]
+)
 def test_degenerate_directions_give_numbers(look):
     # S9: no half-vector, grazing to the last bit, and the normal itself.
     edge = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, 0, 1), towards(1e-7), towards(1e-7, 0.3 + np.pi), towards(1e-20)]

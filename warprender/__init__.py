@@ -17,20 +17,23 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .camera import Camera
     from .frame import Frame
+    from .gonioreflectometer import measure_brdf
     from .lights import (
         CameraLight,
         CylinderLight,
         DiskLight,
         DistantLight,
         DomeLight,
+        IesProfile,
         LightTexture,
         MeshLight,
+        PortalLight,
         RectLight,
         Shadow,
         Shaping,
         SphereLight,
     )
-    from .materials import Dielectric, DisplayColor, Phong, PreviewSurface
+    from .materials import BrdfTable, Dielectric, DisplayColor, MeasuredBRDF, Phong, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -43,6 +46,7 @@ __version__ = "0.1.0"
 
 #: Public name to the module that it lives in.
 _HOMES = {
+    "BrdfTable": "materials",
     "Camera": "camera",
     "CameraLight": "lights",
     "CylinderLight": "lights",
@@ -52,9 +56,12 @@ _HOMES = {
     "DistantLight": "lights",
     "DomeLight": "lights",
     "Frame": "frame",
+    "IesProfile": "lights",
     "LightTexture": "lights",
+    "MeasuredBRDF": "materials",
     "MeshLight": "lights",
     "Phong": "materials",
+    "PortalLight": "lights",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
     "Raster": "visibility.raster",
@@ -70,11 +77,13 @@ _HOMES = {
     "StageReader": "usd",
     "Texture": "textures",
     "load": "usd",
+    "measure_brdf": "gonioreflectometer",
     "rasterize": "visibility.raster",
     "render": "renderer",
 }
 
 __all__ = [
+    "BrdfTable",
     "Camera",
     "CameraLight",
     "CylinderLight",
@@ -84,9 +93,12 @@ __all__ = [
     "DistantLight",
     "DomeLight",
     "Frame",
+    "IesProfile",
     "LightTexture",
+    "MeasuredBRDF",
     "MeshLight",
     "Phong",
+    "PortalLight",
     "PreviewSurface",
     "PrimvarReader",
     "Raster",
@@ -102,6 +114,7 @@ __all__ = [
     "StageReader",
     "Texture",
     "load",
+    "measure_brdf",
     "rasterize",
     "render",
 ]

@@ -7,7 +7,7 @@ sizes and colours are runtime values and never in a key.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 import warp as wp
@@ -20,7 +20,7 @@ from .materials import MATERIALS, TRANSMITTING, DisplayColor
 from .materials.inputs import FEATURES, NORMAL
 from .outputs import OUTPUTS
 from .scene import Placement, Scene, SceneError, materials_of
-from .shapes import SHAPES, Mesh, Primvar, Sphere
+from .shapes import SHAPES, Mesh, Primvar, Sdf
 from .textures import Texture
 
 #: The transports: from none to all light, and how each goes on.
@@ -128,9 +128,20 @@ class RenderPlan:
         lines += ["", "bounds"] + [f"  {name:{width}}  {value:g}" for name, value in self.bounds.items()]
         return "\n".join(lines)
 
+    @property
+    def sdfs(self) -> tuple[wp.Function, ...]:
+        """The signed distance functions that occur, in the order of their numbers on the device."""
+        key = self.path or self.outputs
+        return key.sdfs if key else ()
+
     def as_dict(self) -> dict:
-        """The same as plain values, for JSON."""
-        return asdict(self)
+        """The same as plain values, for JSON; functions by their names."""
+        names = tuple(function.key for function in self.sdfs)
+        keys = {part: replace(key, sdfs=()) if (key := getattr(self, part)) else None for part in ("path", "outputs")}
+        plain = asdict(replace(self, **keys))
+        for key in filter(None, (plain["path"], plain["outputs"])):
+            key["sdfs"] = names
+        return plain
 
 
 def analyse(
@@ -169,12 +180,13 @@ def analyse(
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
     planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
     _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
+    sdfs = _distance_functions(scene)
     aovs = tuple(sorted(set(request.outputs) - {"color"}))
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
         pinhole = tuple(e for e in effects if e != "lens")
-        plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features)
+        plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features, sdfs)
     if "color" in request.outputs:
         kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
@@ -184,7 +196,7 @@ def analyse(
             why = "lights that can be aimed at" if sampled else ""
             _note(plan, "shadow rays", why, "a light other than a dome")
         light_effects = _light_effects(plan, lights)
-        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features)
+        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs)
         _bound_bounces(plan, scene, request)
     return plan
 
@@ -211,6 +223,7 @@ def _color_visibility(
         (f"{passing} lets paths straight through", passing and transport == "path"),
         ("paths are made of rays", transport == "path" and request.visibility == "auto"),
         ("the camera has clippingPlanes", "clippingPlanes" in camera.effects()),
+        (f"{_sdf(scene)} is a signed distance function", request.visibility == "auto" and _sdf(scene)),
     ):
         if applies:
             return "rays", reason
@@ -224,12 +237,20 @@ def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> 
         SceneError: what is asked for cannot show this scene.
     """
     only_rays = "the camera has clippingPlanes" if "clippingPlanes" in camera.effects() else ""
-    sphere = next((path for path, p in scene.placements.items() if isinstance(p.shape, Sphere)), "")
-    if request.visibility == "painter" and sphere:
-        raise SceneError(f"visibility 'painter' draws triangles alone, and {sphere} is a sphere")
+    other = next((path for path, p in scene.placements.items() if not isinstance(p.shape, Mesh)), "")
+    if request.visibility == "painter" and other:
+        kind = type(scene.placements[other].shape).__name__
+        raise SceneError(f"visibility 'painter' draws triangles alone, and {other} is a {kind.lower()}")
     if request.visibility in ("raster", "painter") and only_rays:
         raise SceneError(f"visibility {request.visibility!r}: {only_rays}, which only rays can follow")
+    if request.visibility == "auto" and _sdf(scene):
+        only_rays = only_rays or f"{_sdf(scene)} is a signed distance function"
     return ("rays", only_rays) if only_rays else _cheaper(scene, request, pixels)
+
+
+def _sdf(scene: Scene) -> str:
+    """The first prim that is a signed distance function, or ""."""
+    return next((path for path, p in scene.placements.items() if isinstance(p.shape, Sdf)), "")
 
 
 def _cheaper(scene: Scene, request: Request, pixels: int) -> tuple[str, str]:
@@ -300,6 +321,12 @@ def _shape_callers(scene: Scene) -> dict[str, str]:
     for path, placement in scene.placements.items():
         callers.setdefault(type(placement.shape).__name__, path)
     return callers
+
+
+def _distance_functions(scene: Scene) -> tuple[wp.Function, ...]:
+    """The functions of all `Sdf` shapes, each once, in drawing order."""
+    shapes = (placement.shape for placement in scene.placements.values())
+    return tuple(dict.fromkeys(shape.kernel_function() for shape in shapes if isinstance(shape, Sdf)))
 
 
 def _material_callers(scene: Scene) -> dict[str, str]:

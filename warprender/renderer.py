@@ -12,7 +12,7 @@ from .camera import Camera
 from .emitters import lit
 from .film import Film, filter_table, pixel_offset
 from .frame import Frame
-from .framing import choose_camera, choose_resolution
+from .framing import choose_camera, choose_data_window, choose_resolution
 from .integrators import RADIANCE
 from .integrators.none import launch_outputs
 from .integrators.samples import PathRequest, launch_samples, samples_kernel
@@ -69,7 +69,8 @@ class Renderer:
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
         camera: the `Camera` that was chosen.
-        resolution: (width, height) in pixels.
+        data_window: which pixels of the picture are drawn: all, or those of the render settings' dataWindowNDC.
+        resolution: (width, height) of the data window in pixels.
 
     Raises:
         SceneError: the request cannot be met; the message names the prim or the argument.
@@ -101,9 +102,11 @@ class Renderer:
         self.camera = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
         if fault := self.camera.fault():
             raise SceneError(f"camera: {fault}")
-        self.resolution = resolution or choose_resolution(scene, self.camera)
-        if min(self.resolution) < 1:
-            raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
+        full = resolution or choose_resolution(scene, self.camera)
+        if min(full) < 1:
+            raise SceneError(f"resolution {full[0]}x{full[1]} has no pixels")
+        self.data_window = choose_data_window(scene, full)
+        self.resolution = (self.data_window.width, self.data_window.height)
         outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         self.request = Request(
             outputs,
@@ -126,7 +129,7 @@ class Renderer:
         lights = lit(scene, with_camera_light)
         if with_camera_light:
             camera_light_at(lights["camera light"], self.camera.transform)
-        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes)
+        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes, self.plan.sdfs)
         self._upload.record.energy_compensation = int(energy_compensation)
         self._upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
         for warning in self._upload.warnings:
@@ -135,11 +138,12 @@ class Renderer:
             scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
         settings = scene.settings
         self._camera_record = self.camera.record(
-            *self.resolution,
+            *self.data_window.full,
             self._upload.origin,
             settings.pixelAspectRatio,
             settings.aspectRatioConformPolicy,
             device,
+            self.data_window,
         )
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
@@ -199,7 +203,7 @@ class Renderer:
         if visibility == "rays":
             return RayHits(scene, camera, key.camera, self.device, key.sdfs)
         bounds, painter = self._upload.bounds - self._upload.origin, visibility == "painter"
-        return RasterHits(scene, self._upload.geometries, bounds, camera, key.camera, self.device, painter)
+        return RasterHits(scene, self._upload.geometries, bounds, camera, key.camera, self.device, painter, key.sdfs)
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
@@ -285,9 +289,9 @@ class Renderer:
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
         receipt = make_receipt(
-            self.scene, self.plan, self.request, self.camera, self.resolution, samples, seed, self.device
+            self.scene, self.plan, self.request, self.camera, self.data_window.full, samples, seed, self.device
         )
-        return Frame(ordered, stats, receipt)
+        return Frame(ordered, stats, receipt, self.data_window)
 
 
 def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int | None = None, **options) -> Frame:

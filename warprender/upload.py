@@ -13,13 +13,14 @@ from .records import (
     GeometryRecord,
     InstanceRecord,
     PrimvarRecord,
+    SdfRecord,
 )
 from .scene import Placement, Scene, materials_of
-from .shapes import SHAPES, Mesh, Sphere
+from .shapes import SHAPES, Mesh, Sdf, Sphere
 from .shapes.primvar import INTERPOLATIONS, absent_primvar
 from .texels import TEXTURE_BYTES
 from .upload_lights import LightUpload, Placed
-from .visibility.trees import MeshTree, SphereShape, WorldTree
+from .visibility.trees import MeshTree, SdfShape, SphereShape, WorldTree
 
 
 class Upload:
@@ -41,8 +42,11 @@ class Upload:
         origin: np.ndarray,
         device: str,
         texture_bytes: int = TEXTURE_BYTES,
+        sdfs: tuple[wp.Function, ...] = (),
     ) -> None:
         """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32.
+
+        `sdfs` are the plan's signed distance functions, in its order.
 
         Pictures are made smaller until all of them take `texture_bytes` at most.
         """
@@ -58,15 +62,20 @@ class Upload:
         self.geometries: list[GeometryRecord] = []
         self._primvars: list[PrimvarRecord] = []
         self._boxes: list[np.ndarray] = []
-        self._trees: list[MeshTree | SphereShape] = []
+        self._trees: list[MeshTree | SphereShape | SdfShape] = []
+        self._sdfs: list[SdfRecord] = []
+        self._sdf_functions = sdfs
         self.record = DeviceScene()
-        self._shapes: dict[int, Mesh | Sphere] = {}
+        self._shapes: dict[int, Mesh | Sphere | Sdf] = {}
         self._drawn: dict[int, np.ndarray] = {}
         placed = self._place(scene)
         self._upload_materials()
         self._lights = LightUpload(scene, lights, placed, self.record, device)
         self.warnings += self._lights.warnings
         self.record.instances = self._array(placed.instances, InstanceRecord)
+        self.record.sdfs = self._array(self._sdfs, SdfRecord)
+        kinds = np.array([g.kind for g in self.geometries], np.int32)[placed.instances["geometry"]]
+        self.record.sdf_instances = self._array(np.nonzero(kinds == SHAPES.index(Sdf))[0], wp.int32)
 
     def _place(self, scene: Scene) -> Placed:
         """Upload the shapes and the tree of their instances; the records of the instances are still to be uploaded."""
@@ -134,11 +143,10 @@ class Upload:
         shape = placement.shape
         key = (id(shape), placement.material if getattr(shape, "face_materials", None) else "")
         if key not in known:
-            record = (
-                self._upload_mesh(path, shape, placement.material)
-                if isinstance(shape, Mesh)
-                else self._upload_sphere(shape)
-            )
+            if isinstance(shape, Mesh):
+                record = self._upload_mesh(path, shape, placement.material)
+            else:
+                record = self._upload_sphere(shape) if isinstance(shape, Sphere) else self._upload_sdf(shape)
             known[key] = -1
             if record is not None:
                 known[key] = len(self.geometries)
@@ -149,7 +157,7 @@ class Upload:
                 self._primvars += [self._primvar(shape, keep, slot) for slot in self._tables.slots]
         return known[key]
 
-    def _primvar(self, shape: Mesh | Sphere, keep: np.ndarray, slot: str | Tangents) -> PrimvarRecord:
+    def _primvar(self, shape: Mesh | Sphere | Sdf, keep: np.ndarray, slot: str | Tangents) -> PrimvarRecord:
         """What a shape has in a slot; `keep` (T,) bool are the triangles of a mesh that are drawn."""
         if isinstance(slot, str):
             primvar = shape.primvars.get(slot)
@@ -175,6 +183,17 @@ class Upload:
         self._trees.append(SphereShape(sphere.radius))
         record.normals = absent_primvar()
         self._boxes.append(np.array([[-sphere.radius] * 3, [sphere.radius] * 3]))
+        return record
+
+    def _upload_sdf(self, sdf: Sdf) -> GeometryRecord:
+        record = GeometryRecord()
+        record.sdf = len(self._sdfs)
+        record.normals = absent_primvar()
+        self._sdfs.append(sdf.record(self.device))
+        self._sdfs[-1].function = self._sdf_functions.index(sdf.kernel_function())
+        self._trees.append(SdfShape())
+        # What has no end says nothing of how large the scene is.
+        self._boxes.append(sdf.bounds if np.isfinite(sdf.bounds).all() else np.zeros((2, 3)))
         return record
 
     def _upload_mesh(self, path: str, mesh: Mesh, material: str) -> GeometryRecord | None:

@@ -10,14 +10,15 @@ from functools import cache
 
 import warp as wp
 
-from ..lights.choice import LightChoice, choose_light
-from ..lights.dispatch import light_functions, shaping_function
+from ..lights.choice import choose_light
+from ..lights.dispatch import GLOWING, light_functions, shaping_function
 from ..lights.linking import is_linked
+from ..lights.mesh import narrowed
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
 from ..numerics import INFINITY, PI, from_frame, offset_origin, tangent_of, to_frame
 from ..plan import PathKey
-from ..records import EVENT_SCATTER, MESH, Bsdf, DeviceScene, Hit, Ray, Surface
+from ..records import EVENT_SCATTER, MESH, Bsdf, DeviceScene, Hit, LightRecord, Ray, Surface
 from ..sampling import (
     DIMENSION_BSDF,
     DIMENSION_LIGHT,
@@ -52,7 +53,7 @@ _MESH = wp.constant(wp.int32(MESH))
 
 @cache
 def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
-    """`from_dome(scene, surface, bsdf, around, tangent, wo, index, sample, step) -> Met`: one dome of one colour.
+    """`from_dome(scene, surface, bsdf, around, tangent, wo, light, sample, step) -> Met`: one dome of one colour.
 
     The ambient part is a reflection of the whole dome; with shadows, of the half above the surface.
     """
@@ -63,8 +64,7 @@ def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
     linking, transmission = "linking" in key.light_effects, "transmission" in key.features
 
     @wp.func
-    def along(scene: DeviceScene, surface: Surface, index: int, direction: wp.vec3) -> wp.vec3:
-        light = scene.lights[index]
+    def along(scene: DeviceScene, surface: Surface, light: LightRecord, direction: wp.vec3) -> wp.vec3:
         found = meet_light(scene, light, surface.position, direction)
         radiance = wp.cw_mul(found.radiance, shape(scene, light, direction))
         if wp.static(shadows):
@@ -83,12 +83,11 @@ def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
         around: wp.vec3,
         tangent: wp.vec3,
         wo: wp.vec3,
-        index: int,
+        light: LightRecord,
         sample: SampleStream,
         step: int,
     ) -> Met:
         total = Met()
-        light = scene.lights[index]
         if wp.static(linking):
             if not is_linked(scene, light.links, scene.instances[surface.hit.instance].prim):
                 return total
@@ -96,7 +95,7 @@ def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
             span = wp.static(1.0 if shadows else 2.0)
             local = uniform_cone(random_pair(sample, step, DIMENSION_LIGHT), span)
             towards = from_frame(tangent_of(surface.geometric_normal), surface.geometric_normal, local)
-            arriving = along(scene, surface, index, towards) * (2.0 * PI * span)
+            arriving = along(scene, surface, light, towards) * (2.0 * PI * span)
             total.radiance += wp.cw_mul(bsdf.ambient, arriving) * light.diffuse
             total.count += wp.static(int(shadows))
         lobe = random_pair(sample, step, DIMENSION_LOBE)
@@ -107,7 +106,7 @@ def from_dome_function(key: PathKey, shadows: bool) -> wp.Function:
             if wp.static(transmission):
                 medium = medium_towards(surface, bsdf, around, direction)
                 response = wp.cw_mul(response, transmittance(medium, INFINITY))
-            total.radiance += wp.cw_mul(response, along(scene, surface, index, direction))
+            total.radiance += wp.cw_mul(response, along(scene, surface, light, direction))
             total.count += wp.static(int(shadows))
         return total
 
@@ -125,7 +124,8 @@ def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
     """
     from_light = from_light_function(key, False, shadows)
     from_dome = from_dome_function(key, shadows)
-    with_domes, transmission = "DomeLight" in key.lights, "transmission" in key.features
+    with_domes = bool({"DomeLight", "DomeLight.portals"} & set(key.lights))
+    glow, transmission = bool(set(GLOWING) & set(key.lights)), "transmission" in key.features
 
     @wp.func
     def reflected(
@@ -139,38 +139,45 @@ def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
         step: int,
     ) -> Met:
         total = Met()
-        choice = LightChoice()
-        begin = wp.int32(0)
-        end = scene.lights.shape[0]
-        few = end <= MOST_LIGHTS
-        if not few:
-            # One of all, and those at infinity for the domes among them that are not chosen.
-            u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
-            normal = surface.geometric_normal
-            if wp.static(transmission):
-                normal = light_normal(surface, bsdf)
-            choice = choose_light(scene, surface.position, normal, u)
-            begin = scene.finite_lights - 1
-            end = scene.finite_lights + scene.infinite_lights
-        for number in range(begin, end):
-            index = wp.max(number, 0)
-            probability = wp.where(scene.lights[index].choice > 0.0, 1.0, 0.0)
-            if not few:
-                probability = 0.0
-                if number == begin and choice.index >= 0:
-                    index = choice.index
-                    probability = choice.probability
+        met_by_rays = scene.finite_lights + scene.infinite_lights
+        few = met_by_rays <= MOST_LIGHTS
+        begin = wp.where(few, 0, scene.finite_lights)
+        for number in range(begin - 1, met_by_rays):
             own = branch(sample, number)
-            if probability > 0.0:
-                u = random_pair(own, step, DIMENSION_LIGHT)
-                one = from_light(scene, surface, bsdf, around, tangent, wo, index, probability, u)
+            index = number
+            leaf = wp.int32(-1)
+            probability = wp.float32(0.0)
+            if number == begin - 1:
+                # Geometry that glows has as many parts as triangles, and lights may be too many: the tree takes one.
+                index = -1
+                if not few or met_by_rays < scene.lights.shape[0]:
+                    normal = surface.geometric_normal
+                    if wp.static(transmission):
+                        normal = light_normal(surface, bsdf)
+                    u = random_pair(own, step, DIMENSION_LIGHT_CHOICE)
+                    choice = choose_light(scene, surface.position, normal, u)
+                    if choice.index >= 0 and (not few or choice.index >= met_by_rays):
+                        index = choice.index
+                        leaf = choice.leaf
+                        probability = choice.probability
+            elif few and scene.lights[index].choice > 0.0:
+                probability = 1.0
+            if index >= 0:
+                light = scene.lights[index]
+                one = Met()
+                if wp.static(with_domes):
+                    if light.is_dome != 0 and light.image < 0:
+                        # Summed on its own turn, with all of the sky, portals or not.
+                        probability = 0.0
+                        if number >= begin:
+                            one = from_dome(scene, surface, bsdf, around, tangent, wo, light, own, step)
+                if probability > 0.0:
+                    if wp.static(glow):
+                        light = narrowed(scene, light, leaf)
+                    u = random_pair(own, step, DIMENSION_LIGHT)
+                    one = from_light(scene, surface, bsdf, around, tangent, wo, light, probability, u)
                 total.radiance += one.radiance
                 total.count += one.count
-            elif wp.static(with_domes):
-                if scene.lights[index].is_dome != 0 and scene.lights[index].choice <= 0.0:
-                    one = from_dome(scene, surface, bsdf, around, tangent, wo, index, own, step)
-                    total.radiance += one.radiance
-                    total.count += one.count
         return total
 
     return reflected
@@ -186,7 +193,7 @@ def first_surfaces_function(key: PathKey, shadows: bool) -> wp.Function:
         key: of the kernel.
         shadows: whether lights are kept off by what is in the way.
     """
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
     _, closest_after, _ = ray_functions(key.sdfs)
     met = met_function(key)

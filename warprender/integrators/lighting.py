@@ -13,7 +13,7 @@ from ..lights.choice import choose_light, probability_of
 from ..lights.dispatch import GLOWING, kind_of, light_functions, shaping_function
 from ..lights.glowing_sphere import density_along
 from ..lights.linking import is_linked
-from ..lights.mesh import density_at, emitted
+from ..lights.mesh import density_at, emitted, leaf_of, narrowed
 from ..lights.shadow import shadow_strength
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
@@ -170,7 +170,7 @@ def hit_density(scene: DeviceScene, light: LightRecord, origin: wp.vec3, directi
     """Density per solid angle with which next-event estimation at `origin` aims at a glowing surface that was hit."""
     if light.kind == _GLOWING_SPHERE:
         return density_along(scene, light, origin, direction)
-    return density_at(light, origin, surface)
+    return density_at(scene, light, origin, surface.hit, surface.position - origin)
 
 
 @cache
@@ -179,7 +179,7 @@ def shadow_function(key: PathKey) -> wp.Function:
 
     `footprint` is the width that the ray stands for.
     """
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
     closest, closest_after, occluded = ray_functions(key.sdfs)
     straight_through = key.straight_through
@@ -278,8 +278,7 @@ def met_function(key: PathKey) -> wp.Function:
                 return total
         weight = wp.float32(1.0)
         if departure.pdf > 0.0:
-            finite = index < scene.finite_lights
-            chosen = probability_of(scene, departure.position, departure.normal, light, finite)
+            chosen = probability_of(scene, departure.position, departure.normal, light, light.leaf)
             weight = power_heuristic(departure.pdf, found.pdf * chosen)
         arriving = wp.cw_mul(arriving, shape(scene, light, ray.direction))
         if wp.static(transmission):
@@ -315,10 +314,10 @@ def met_function(key: PathKey) -> wp.Function:
 
 @cache
 def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Function:
-    """`from_light(scene, surface, bsdf, around, tangent, wo, index, probability, u) -> Met`: one light, scattered.
+    """`from_light(scene, surface, bsdf, around, tangent, wo, light, probability, u) -> Met`: one light, scattered.
 
-    One sample of the light, which was chosen with a probability. `count` says whether a shadow ray was traced. `around`
-    is the absorption of the medium on the viewer's side.
+    One sample of the light (of one leaf, where it has many), chosen with a probability. `count` says whether a shadow
+    ray was traced. `around` is the absorption of the medium on the viewer's side.
 
     Args:
         key: of the kernel.
@@ -328,7 +327,7 @@ def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Funct
     """
     sample_light, _ = light_functions(key.lights)
     prepare, evaluate, _ = material_functions(key.materials, key.features)
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     shape = shaping_function(key.light_effects)
     shadow = shadow_function(key)
     glow = bool(set(GLOWING) & set(key.lights))
@@ -343,12 +342,11 @@ def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Funct
         around: wp.vec3,
         tangent: wp.vec3,
         wo: wp.vec3,
-        index: int,
+        light: LightRecord,
         probability: float,
         u: wp.vec2,
     ) -> Met:
         nothing = Met()
-        light = scene.lights[index]
         if wp.static(linking):
             if not is_linked(scene, light.links, scene.instances[surface.hit.instance].prim):
                 return nothing
@@ -405,7 +403,7 @@ def aimed_function(key: PathKey) -> wp.Function:
     `count` says whether a shadow ray was traced. `around` is the absorption of the medium on the viewer's side.
     """
     from_light = from_light_function(key, True, True)
-    transmission = "transmission" in key.features
+    transmission, glow = "transmission" in key.features, bool(set(GLOWING) & set(key.lights))
 
     @wp.func
     def aimed(
@@ -425,8 +423,11 @@ def aimed_function(key: PathKey) -> wp.Function:
         choice = choose_light(scene, surface.position, normal, u)
         if choice.index < 0:
             return Met()
+        light = scene.lights[choice.index]
+        if wp.static(glow):
+            light = narrowed(scene, light, choice.leaf)
         u = random_pair(sample, step, DIMENSION_LIGHT)
-        return from_light(scene, surface, bsdf, around, tangent, wo, choice.index, choice.probability, u)
+        return from_light(scene, surface, bsdf, around, tangent, wo, light, choice.probability, u)
 
     return aimed
 
@@ -456,9 +457,12 @@ def glow_function(key: PathKey) -> wp.Function:
                     return wp.vec3(0.0, 0.0, 0.0)
                 weight = wp.float32(1.0)
                 if departure.pdf > 0.0:
-                    density = hit_density(scene, light, departure.position, direction, surface)
-                    chosen = probability_of(scene, departure.position, departure.normal, light, True)
-                    weight = power_heuristic(departure.pdf, density * chosen)
+                    leaf = leaf_of(scene, light, surface.hit.face)
+                    if leaf >= 0:
+                        light = narrowed(scene, light, leaf)
+                        density = hit_density(scene, light, departure.position, direction, surface)
+                        chosen = probability_of(scene, departure.position, departure.normal, light, leaf)
+                        weight = power_heuristic(departure.pdf, density * chosen)
                 radiance = wp.cw_mul(radiance, shape(scene, light, direction))
                 return wp.cw_mul(share_of(light, departure), radiance) * weight
         return wp.cw_mul(departure.diffuse + departure.specular, emission)

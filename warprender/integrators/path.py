@@ -45,7 +45,7 @@ def scattered_cone(width: float, growth: float, pdf: float) -> wp.vec2:
 @cache
 def radiance_function(key: PathKey) -> wp.Function:
     """`radiance(scene, request, ray, hit, cone, sample) -> PathResult`: see `samples`."""
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, sample_bsdf = material_functions(key.materials, key.features)
     closest, closest_after, _ = ray_functions(key.sdfs)
     met = met_function(key)

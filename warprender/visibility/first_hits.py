@@ -12,6 +12,7 @@ import warp as wp
 from ..camera import camera_ray_function
 from ..launch import launch_pixels
 from ..records import CameraRecord, DeviceScene, GeometryRecord, Hit
+from ..shapes import SHAPES, Sdf, Sphere
 from .raster import DrawList, Raster, Triangles
 from .rays import miss
 from .sdf import ray_functions
@@ -51,7 +52,7 @@ class RayHits:
 
 
 class RasterHits:
-    """First hits by the rasterizer: triangles by their edges, and rays where a sphere may be.
+    """First hits by the rasterizer: triangles by their edges, and rays where other shapes may be.
 
     Points go to clip space by one float64 matrix, of the same float32 placement that rays meet, and are rounded once.
     Raster and rays therefore differ only at centres within 2^-24 of the picture's width of an edge, and where surfaces
@@ -93,8 +94,9 @@ class RasterHits:
         self._to_clip, self._placed, self._offset = to_clip, placed, None
         self._seen: Raster | None = None
         self._draw = self._draws.paint if painter else self._draws.rasterize
-        radius = np.array([g.radius for g in geometries])[instances["geometry"]]
-        boxes = sphere_boxes(camera, to_clip, placed[radius > 0], radius[radius > 0])
+        corners = _boxes_for_rays(scene, geometries)[instances["geometry"]]
+        rayed = corners[:, 0, 0] < corners[:, 1, 0]
+        boxes = pixel_boxes(camera, to_clip, placed[rayed], corners[rayed])
         by_ray = np.zeros((camera.height, camera.width), np.uint8)
         for left, top, right, bottom in boxes:
             by_ray[top:bottom, left:right] = 1
@@ -154,21 +156,33 @@ def clip_matrix(camera: CameraRecord, bounds: np.ndarray) -> np.ndarray:
     return projection @ view
 
 
-def sphere_boxes(camera: CameraRecord, to_clip: np.ndarray, placed: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """(S, 4) int left, top, right, bottom of the pixels that may see each sphere: of the cube about it.
+def _boxes_for_rays(scene: DeviceScene, geometries: Sequence[GeometryRecord]) -> np.ndarray:
+    """(G, 2, 3) object boxes of the geometries that only rays find, empty ones of the others."""
+    boxes = np.zeros((len(geometries), 2, 3))
+    sdfs = scene.sdfs.numpy()
+    for box, geometry in zip(boxes, geometries, strict=True):
+        if SHAPES[geometry.kind] is Sphere:
+            box[:] = [[-geometry.radius], [geometry.radius]]
+        elif SHAPES[geometry.kind] is Sdf:
+            box[:] = sdfs["lower"][geometry.sdf], sdfs["upper"][geometry.sdf]
+    return boxes
+
+
+def pixel_boxes(camera: CameraRecord, to_clip: np.ndarray, placed: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(S, 4) int left, top, right, bottom of the pixels that may see what lies in each box.
 
     Args:
         camera: the camera.
         to_clip: (4, 4) of `clip_matrix`.
         placed: (S, 4, 4) object-to-scene matrices for column vectors.
-        radius: (S,) of the spheres.
+        corners: (S, 2, 3) lower and upper corners in object space; inf has no end.
     """
     size = np.array([camera.width, camera.height])
-    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    corners = np.concatenate([signs[None] * radius[:, None, None], np.ones((len(radius), 8, 1))], 2)
-    clip = np.einsum("sij,skj->ski", to_clip @ placed, corners)
-    before_eye = (clip[..., 3] > 0).all(1)
+    sides = np.stack(np.meshgrid(*[(0, 1)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    eight = np.stack([corners[:, sides[:, axis], axis] for axis in range(3)] + [np.ones((len(corners), 8))], -1)
     with np.errstate(all="ignore"):
+        clip = np.einsum("sij,skj->ski", to_clip @ placed, eight)
+        before_eye = (clip[..., 3] > 0).all(1) & np.isfinite(corners).all((1, 2))
         pixels = (clip[..., :2] / clip[..., 3:] * (0.5, -0.5) + 0.5) * size
     margin = 1 + FARTHEST_OFFSET
     low = np.where(before_eye[:, None], np.floor(pixels.min(1) - margin), 0)

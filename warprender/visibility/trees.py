@@ -175,11 +175,22 @@ class SphereShape:
         return record
 
 
+class SdfShape:
+    """A signed distance function: it has a place among the instances, and nothing that these trees could hit."""
+
+    scale = 1.0
+    box = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+
+    def geometry(self):
+        """The device record of a mesh without faces."""
+        return Geometry()
+
+
 class WorldTree:
     """Shapes placed in the world, without copying them.
 
     Args:
-        shapes: ``MeshTree`` and ``SphereShape`` objects on one device.
+        shapes: ``MeshTree``, ``SphereShape`` and ``SdfShape`` objects on one device.
         geometry: (I,) ints, which shape each instance places.
         to_world: (I, 3, 4) or (I, 4, 4) float64, columns acting on points as column vectors.
         device: Warp device.
