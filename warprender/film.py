@@ -23,7 +23,8 @@ _R2 = 1.3247179572447460 ** np.array([-1.0, -2.0])
 class FilmRecord:
     """Per pixel (H, W): sums of radiance and alpha, of squared radiance, of each replicate's luminance, and counts.
 
-    `rays` counts camera, bounce and shadow rays; `dropped` the samples that were not finite.
+    `rays` counts camera, bounce and shadow rays; `dropped` the samples that were not finite; `unfollowed` the
+    rays that there was no room for.
     """
 
     sums: wp.array2d(dtype=wp.vec4d)
@@ -32,6 +33,7 @@ class FilmRecord:
     samples: wp.array2d(dtype=wp.int32)
     dropped: wp.array2d(dtype=wp.int32)
     rays: wp.array2d(dtype=wp.vec3i)
+    unfollowed: wp.array2d(dtype=wp.int32)
     filter_table: wp.array(dtype=wp.float32)
 
 
@@ -93,12 +95,13 @@ class Film:
         self.record.samples = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.dropped = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.rays = wp.zeros(shape, dtype=wp.vec3i, device=device)
+        self.record.unfollowed = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.filter_table = wp.array(filter_table(filter), dtype=wp.float32, device=device)
 
     def clear(self) -> None:
         """Forget all samples."""
         film = self.record
-        for array in (film.sums, film.squares, film.replicates, film.samples, film.dropped, film.rays):
+        for array in (film.sums, film.squares, film.replicates, film.samples, film.dropped, film.rays, film.unfollowed):
             array.zero_()
 
     def color(self, exposure: float, threads: int | None = None) -> wp.array:
@@ -143,6 +146,10 @@ class Film:
         """Rays traced so far, by kind."""
         camera, bounce, shadow = self.record.rays.numpy().reshape(-1, 3).sum(0, dtype=np.int64)
         return {"camera": int(camera), "bounce": int(bounce), "shadow": int(shadow)}
+
+    def unfollowed_rays(self) -> int:
+        """Rays that the transport had no room for: their light is missing."""
+        return int(self.record.unfollowed.numpy().sum(dtype=np.int64))
 
     def dropped_samples(self) -> int:
         """Samples that were not finite and are in no pixel."""

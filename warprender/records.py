@@ -420,7 +420,7 @@ class InstanceRecord:
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
-    `local_reflection` is 1 where lights are added up one by one and nothing else is reflected: "local", "direct".
+    `local_reflection` is 1 where lights are added up one by one and rough lobes reflect nothing else.
 
     `sdf_instances` are the numbers of the instances that are signed distance functions.
 

@@ -51,8 +51,9 @@ class Renderer:
             (triangles back to front, as it was done before depth buffers), or "auto": what should take less time.
             Colour that the rasterizer cannot see (depth of field, paths through what is clear) is made of rays.
         transport: how light gets to the camera. "none": no color, AOVs alone. "local": the first surface's reflection
-            of each light, with nothing in the way. "direct": the same with shadows. "path": all light, by path
-            tracing. "auto": the first of these that leaves out nothing.
+            of each light, with nothing in the way. "direct": the same with shadows. "whitted": perfect reflection
+            and refraction as well. "path": all light, by path tracing. "auto": "none", "local" or "path", the first
+            that leaves out nothing.
         device: Warp device, as "cpu" or "cuda:0".
         threads: CPU threads, None for all cores. The picture does not depend on it.
         bounces: reflections followed after the one at the camera's hit, None for as many as matter; 0 is
@@ -284,6 +285,7 @@ class Renderer:
             stats["rays"] = self._film.ray_counts()
             stats["error"] = self._film.relative_error()
             stats["dropped samples"] = self._film.dropped_samples()
+            stats["unfollowed rays"] = self._film.unfollowed_rays()
         stats["texture bytes"] = self._upload.texture_bytes
         stats["plan"] = self.plan.as_dict()
         stats["warnings"] = list(self.scene.warnings)

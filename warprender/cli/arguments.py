@@ -143,8 +143,8 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
         default="auto",
         metavar="NAME",
         help="how light gets to the camera: none (no color, other outputs alone), local (each light reflected once, no "
-        "shadows), direct (the same with shadows), path (all light) or auto: the first that leaves out nothing "
-        "(default: auto)",
+        "shadows), direct (the same with shadows), whitted (perfect reflection and refraction too), path (all light) "
+        "or auto: none, local or path, the first that leaves out nothing (default: auto)",
     )
     group.add_argument(
         "--visibility",

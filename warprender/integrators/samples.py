@@ -45,11 +45,15 @@ class PathRequest:
 
 @wp.struct
 class PathResult:
-    """Radiance of one camera ray, its alpha, and the rays traced after its first hit: (0, bounce, shadow)."""
+    """Radiance of one camera ray, its alpha, and the rays traced after its first hit: (0, bounce, shadow).
+
+    `unfollowed` counts rays that the transport had no room for.
+    """
 
     radiance: wp.vec3
     alpha: wp.float32
     rays: wp.vec3i
+    unfollowed: wp.int32
 
 
 @cache
@@ -77,6 +81,7 @@ def samples_kernel(
         replicates = film.replicates[y, x]
         rays = film.rays[y, x]
         kept = wp.int32(0)
+        unfollowed = film.unfollowed[y, x]
         for s in range(request.samples):
             sample = sample_stream(request.seed, pixel, request.first_sample + s, request.sobol)
             u = random_pair(sample, -1, DIMENSION_PIXEL)
@@ -97,6 +102,7 @@ def samples_kernel(
                 rays += wp.vec3i(1, 0, 0)
             result = radiance(scene, request, ray, hit, pixel_cone(camera) * FOOTPRINT, sample)
             rays += result.rays
+            unfollowed += result.unfollowed
             if is_finite(result.radiance):
                 value = wp.vec3d(
                     wp.float64(result.radiance[0]),
@@ -111,6 +117,7 @@ def samples_kernel(
         film.squares[y, x] = squares
         film.replicates[y, x] = replicates
         film.rays[y, x] = rays
+        film.unfollowed[y, x] = unfollowed
         film.samples[y, x] = film.samples[y, x] + kept
         film.dropped[y, x] = film.dropped[y, x] + request.samples - kept
 
