@@ -132,6 +132,8 @@ def launch_samples(
     film: FilmRecord,
     device: str,
     threads: int | None,
+    pixels: int | None = None,
 ) -> None:
-    """Add `request.samples` samples to every pixel, by a kernel of `samples_kernel`."""
-    launch(kernel, camera.width * camera.height, [scene, camera, request, film], device, threads)
+    """Add `request.samples` samples to the first `pixels`, None for all, by a kernel of `samples_kernel`."""
+    count = camera.width * camera.height if pixels is None else pixels
+    launch(kernel, count, [scene, camera, request, film], device, threads)
