@@ -10,7 +10,7 @@ PACKAGE = Path(warprender.__file__).parent
 #: Files and folders of the package by level.
 LEVELS = (
     {"numerics", "sampling", "color", "launch"},
-    {"records", "images"},
+    {"records", "images", "denoise"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs"},
     {"scene", "material_tables"},
@@ -18,7 +18,7 @@ LEVELS = (
     {"visibility", "film"},
     {"integrators", "upload", "upload_lights", "upload_glow", "checks", "receipt"},
     {"frame", "renderer", "gonioreflectometer"},
-    {"usd", "cli"},
+    {"usd", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
@@ -35,6 +35,7 @@ NEIGHBOURS = {
     ("upload", "upload_lights"),
     ("upload_lights", "upload_glow"),
     ("renderer", "frame"),
+    ("cli", "study"),
     ("__main__", "__init__"),
 }
 EDGES = {"usd", "cli"}
