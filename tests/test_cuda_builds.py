@@ -7,8 +7,9 @@ import pytest
 import warp as wp
 
 from warprender.film import _resolve_kernel
+from warprender.gonioreflectometer import measure_kernel
+from warprender.integrators import RADIANCE
 from warprender.integrators.none import outputs_kernel
-from warprender.integrators.path import radiance_function
 from warprender.integrators.samples import samples_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
@@ -27,9 +28,11 @@ GLASS = PathKey(
 
 FAMILIES = {
     "film": _resolve_kernel,
+    "measured BRDF": lambda: measure_kernel("MeasuredBRDF", ()),
     "outputs": all_outputs,
-    "path": lambda: samples_kernel(CAMERA, (), radiance_function(PLAIN)),
-    "glass": lambda: samples_kernel(CAMERA, (), radiance_function(GLASS)),
+    "rasterized": lambda: samples_kernel(CAMERA, (), RADIANCE["local"](PLAIN), True),
+    **{name: lambda f=function: samples_kernel(CAMERA, (), f(PLAIN)) for name, function in RADIANCE.items()},
+    "glass": lambda: samples_kernel(CAMERA, (), RADIANCE["path"](GLASS)),
 }
 
 

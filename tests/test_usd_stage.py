@@ -85,7 +85,7 @@ def test_a_missing_reference_is_one_short_warning(tmp_path):
         ("GenerativeProcedural", "GenerativeProcedural is not drawn: nothing here generates"),
         ("HoudiniThing", "its type HoudiniThing is not known to USD here"),
         ("PluginLight", "PluginLight is not drawn yet"),
-        ("PortalLight", "a portal only guides the sampling of domes"),
+        ("PortalLight", "no dome names it in its portals"),
         ("Sphere", None),
         ("Scope", None),
         ("SkelRoot", None),

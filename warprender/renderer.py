@@ -12,20 +12,20 @@ import warp as wp
 from .camera import Camera
 from .denoise import GUIDES, MISSING, available, denoised
 from .emitters import lit
-from .film import Film
+from .film import Film, filter_table, pixel_offset
 from .frame import Frame
 from .framing import choose_camera, choose_data_window, choose_resolution
+from .integrators import RADIANCE
 from .integrators.none import launch_outputs
-from .integrators.path import radiance_function
-from .integrators.samples import PathRequest, launch_samples
+from .integrators.samples import PathRequest, launch_samples, samples_kernel
 from .launch import thread_count
 from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs
-from .plan import RenderPlan, Request, analyse
+from .plan import LIGHT_BY_LIGHT, OutputsKey, PathKey, RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError
 from .texels import TEXTURE_BYTES
 from .upload import Upload, camera_light_at
-from .visibility.first_hits import FirstHits, RasterHits, RayHits
+from .visibility.first_hits import RasterHits, RayHits
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
 DEFAULT_SAMPLES = 64
@@ -54,9 +54,13 @@ class Renderer:
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
         outputs: a name, or several: "color", the AOVs of `warprender.outputs.OUTPUTS`, and for study "sampleCount",
             "standardError" and "rayCount".
-        visibility: how outputs other than color see: "rays", "raster" (exact edges and a depth buffer), "painter"
+        visibility: how first surfaces are found: "rays", "raster" (exact edges and a depth buffer), "painter"
             (triangles back to front, as it was done before depth buffers), or "auto": what should take less time.
-        transport: "path" (path tracing), "none" (no color, AOVs alone), or "auto": "none" without color.
+            Colour that the rasterizer cannot see (depth of field, paths through what is clear) is made of rays.
+        transport: how light gets to the camera. "none": no color, AOVs alone. "local": the first surface's reflection
+            of each light, with nothing in the way. "direct": the same with shadows. "whitted": perfect reflection
+            and refraction as well. "path": all light, by path tracing. "auto": "none", "local" or "path", the first
+            that leaves out nothing.
         device: Warp device, as "cpu" or "cuda:0".
         threads: CPU threads, None for all cores. The picture does not depend on it.
         bounces: reflections followed after the one at the camera's hit, None for as many as matter; 0 is
@@ -139,6 +143,7 @@ class Renderer:
             camera_light_at(lights["camera light"], self.camera.transform)
         self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes, self.plan.sdfs)
         self._upload.record.energy_compensation = int(energy_compensation)
+        self._upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
         for warning in self._upload.warnings:
             scene.warn(warning)
         if not (scene.placements or dome_light_visible or lights_visible):
@@ -157,8 +162,11 @@ class Renderer:
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
         self._sobol = sampler == "sobol"
-        self._first_hits = None if self.plan.outputs is None else self._see()
-        self._film = Film(*self.resolution, device, filter)
+        plan = self.plan
+        self._first_hits = None if plan.outputs is None else self._see(plan.visibility, plan.outputs)
+        by_raster = plan.path is not None and plan.color_visibility != "rays"
+        self._color_hits = self._see(plan.color_visibility, plan.path) if by_raster else None
+        self._film, self._filter_table = Film(*self.resolution, device, filter), filter_table(filter)
         self._seconds = {"prepare": time.perf_counter() - start}
 
     def render(
@@ -205,12 +213,13 @@ class Renderer:
         """(H, W, 3) float64 standard error of the last frame's colour; inf where a pixel has under two samples."""
         return self._film.standard_error() * self.camera.exposureScale
 
-    def _see(self) -> FirstHits:
-        scene, camera, effects = self._upload.record, self._camera_record, self.plan.outputs.camera
-        if self.plan.visibility == "rays":
-            return RayHits(scene, camera, effects, self.device, self.plan.outputs.sdfs)
-        bounds, painter = self._upload.bounds - self._upload.origin, self.plan.visibility == "painter"
-        return RasterHits(scene, self._upload.geometries, bounds, camera, effects, self.device, painter, self.plan.sdfs)
+    def _see(self, visibility: str, key: PathKey | OutputsKey) -> RayHits | RasterHits:
+        """What finds first hits for a kernel by "rays", "raster" or "painter"."""
+        scene, camera = self._upload.record, self._camera_record
+        if visibility == "rays":
+            return RayHits(scene, camera, key.camera, self.device, key.sdfs)
+        bounds, painter = self._upload.bounds - self._upload.origin, visibility == "painter"
+        return RasterHits(scene, self._upload.geometries, bounds, camera, key.camera, self.device, painter, key.sdfs)
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
@@ -279,11 +288,20 @@ class Renderer:
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
         """Add samples to the first `pixels`, None for all."""
+        if self._color_hits is None:
+            self._launch(request, first_sample, samples, pixels)
+            return
+        for sample in range(first_sample, first_sample + samples):
+            offset = pixel_offset(self._filter_table, request.seed, sample)
+            request.hits, request.offset = self._color_hits.find(self.threads, offset), wp.vec2(*offset)
+            self._launch(request, sample, 1, pixels)
+
+    def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
         request.first_sample, request.samples = first_sample, samples
-        scene, camera, film = self._upload.record, self._camera_record, self._film.record
-        key = self.plan.path
-        radiance = radiance_function(key)
-        launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads, pixels)
+        scene, camera, film, key = self._upload.record, self._camera_record, self._film.record, self.plan.path
+        radiance, rasterized = RADIANCE[self.plan.transport](key), self._color_hits is not None
+        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized)
+        launch_samples(kernel, scene, camera, request, film, self.device, self.threads, pixels)
         wp.synchronize_device(self.device)
 
     def _denoised(self, outputs: dict[str, wp.array]) -> wp.array:
@@ -306,6 +324,7 @@ class Renderer:
             stats["error"] = self._film.relative_error()
             stats["frame error"] = self._film.frame_error()
             stats["dropped samples"] = self._film.dropped_samples()
+            stats["unfollowed rays"] = self._film.unfollowed_rays()
         stats["texture bytes"] = self._upload.texture_bytes
         stats["plan"] = self.plan.as_dict()
         stats["warnings"] = list(self.scene.warnings)

@@ -7,7 +7,7 @@ from dataclasses import Field, fields, replace
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import Dielectric, Material, MeasuredBRDF, PreviewSurface
+from ..materials import Dielectric, Material, MeasuredBRDF, Phong, PreviewSurface
 from ..materials.inputs import Varying
 from .materialx.inputs import resolve
 from .materialx.surfaces import displacement_input, is_node, is_surface, read_surface
@@ -21,6 +21,7 @@ KINDS = {
     "UsdPreviewSurface": PreviewSurface,
     "ND_UsdPreviewSurface_surfaceshader": PreviewSurface,
     "warprender:Dielectric": Dielectric,
+    "warprender:Phong": Phong,
 }
 #: Inputs that mean nothing at 0 and below.
 ABOVE_ZERO = {Dielectric: ("ior", "attenuationDistance")}
@@ -36,7 +37,7 @@ def read_material(reading: Reading, material: UsdShade.Material) -> Material | N
             shader, _, _ = material.ComputeSurfaceSource(context)
             name = shader.GetShaderId() if shader else ""
             if name == "warprender:MeasuredBRDF":
-                return _read_measured_brdf(reading, shader)
+                return _read_measured_brdf(reading, material, shader)
             if name in KINDS:
                 inputs = _inputs(reading, shader, KINDS[name])
                 _remark_unknown(reading, material, shader, KINDS[name])
@@ -88,17 +89,20 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
         reading.remark(material.GetPrim(), "its volume is not drawn")
 
 
-def _read_measured_brdf(reading: Reading, shader: UsdShade.Shader) -> MeasuredBRDF | None:
-    """The measured material; None, with a remark, where its file cannot be read."""
+def _read_measured_brdf(reading: Reading, material: UsdShade.Material, shader: UsdShade.Shader) -> MeasuredBRDF | None:
+    """The measured material, with remarks about its data; None, with a remark, where its file cannot be read."""
     file = asset_file(reading, producer(reading, shader, "file"))
     if not file:
         reading.remark(shader.GetPrim(), "warprender:MeasuredBRDF names no file; it is drawn as if unbound")
         return None
     try:
-        return MeasuredBRDF(file)
+        measured = MeasuredBRDF(file)
     except ValueError as error:
         reading.remark(shader.GetPrim(), f"{error}; it is drawn as if unbound")
         return None
+    for warning in measured.table.warnings:
+        reading.remark(material.GetPrim(), warning)
+    return measured
 
 
 def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> dict[str, object]:

@@ -17,6 +17,9 @@ from .raster import DrawList, Raster, Triangles
 from .rays import miss
 from .sdf import ray_functions
 
+#: Pixels from their centres that points may lie at, as reconstruction filters ask.
+FARTHEST_OFFSET = 2.0
+
 
 class FirstHits(Protocol):
     """A way to find first hits."""
@@ -88,7 +91,7 @@ class RasterHits:
         to_clip = clip_matrix(camera, bounds)
         self._scene, self._camera = scene, camera
         self._draws = DrawList([_triangles(g, device) for g in geometries], instances["geometry"], device)
-        self._draws.matrices.assign(to_clip @ placed)
+        self._to_clip, self._placed, self._offset = to_clip, placed, None
         self._seen: Raster | None = None
         self._draw = self._draws.paint if painter else self._draws.rasterize
         corners = _boxes_for_rays(scene, geometries)[instances["geometry"]]
@@ -101,13 +104,27 @@ class RasterHits:
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
         self._kernel = _raster_kernel(effects, bool(len(boxes)), sdfs)
 
-    def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
-        """See `FirstHits`."""
+    def find(self, threads: int | None = None, offset: tuple[float, float] = (0.0, 0.0)) -> wp.array2d(dtype=Hit):
+        """See `FirstHits`; of the rays through points that lie `offset` pixels from the centres, to the right and down.
+
+        `offset` is at most `FARTHEST_OFFSET` either way.
+        """
+        if offset != self._offset:
+            self._draws.matrices.assign(_moved(self._to_clip, self._camera, offset) @ self._placed)
+            self._offset = offset
         self._seen = seen = self._draw(self._camera.width, self._camera.height, threads, into=self._seen)
         arguments = [self._scene, self._camera, self._draws.first_face, seen.face, seen.u, seen.v, self._by_ray]
         size = self._camera.width, self._camera.height
-        launch_pixels(self._kernel, *size, [*arguments, self._hits], self._hits.device, threads)
+        arguments = [*arguments, wp.vec2(*offset), self._hits]
+        launch_pixels(self._kernel, *size, arguments, self._hits.device, threads)
         return self._hits
+
+
+def _moved(to_clip: np.ndarray, camera: CameraRecord, offset: tuple[float, float]) -> np.ndarray:
+    """The clip matrix under which pixel centres lie where points at this offset from them lay before."""
+    shift = np.eye(4)
+    shift[0, 3], shift[1, 3] = -2.0 * offset[0] / camera.width, 2.0 * offset[1] / camera.height
+    return shift @ to_clip
 
 
 def clip_matrix(camera: CameraRecord, bounds: np.ndarray) -> np.ndarray:
@@ -167,8 +184,9 @@ def pixel_boxes(camera: CameraRecord, to_clip: np.ndarray, placed: np.ndarray, c
         clip = np.einsum("sij,skj->ski", to_clip @ placed, eight)
         before_eye = (clip[..., 3] > 0).all(1) & np.isfinite(corners).all((1, 2))
         pixels = (clip[..., :2] / clip[..., 3:] * (0.5, -0.5) + 0.5) * size
-    low = np.where(before_eye[:, None], np.floor(pixels.min(1)) - 1, 0)
-    high = np.where(before_eye[:, None], np.ceil(pixels.max(1)) + 1, size)
+    margin = 1 + FARTHEST_OFFSET
+    low = np.where(before_eye[:, None], np.floor(pixels.min(1) - margin), 0)
+    high = np.where(before_eye[:, None], np.ceil(pixels.max(1) + margin), size)
     return np.concatenate([np.clip(low, 0, size), np.clip(high, 0, size)], 1).astype(int)
 
 
@@ -229,19 +247,20 @@ def _raster_kernel(effects: tuple[str, ...], by_rays: bool, sdfs: tuple[wp.Funct
         u: wp.array2d(dtype=wp.float32),
         v: wp.array2d(dtype=wp.float32),
         by_ray: wp.array2d(dtype=wp.uint8),
+        offset: wp.vec2,
         hits: wp.array2d(dtype=Hit),
     ):
         begin = (first + wp.tid()) * columns
         y = begin // camera.width
         for x in range(begin - y * camera.width, begin - y * camera.width + columns):
             hit = miss()
+            px = wp.float32(x) + 0.5 + offset[0]
+            py = wp.float32(y) + 0.5 + offset[1]
             if wp.static(by_rays):
                 if by_ray[y, x] != wp.uint8(0):
-                    hit = closest(
-                        scene, camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
-                    )
+                    hit = closest(scene, camera_ray(camera, px, py, wp.vec2(0.5, 0.5)))
             if face[y, x] >= 0 and by_ray[y, x] == wp.uint8(0):
-                ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
+                ray = camera_ray(camera, px, py, wp.vec2(0.5, 0.5))
                 instance = draw_of(first_face, face[y, x])
                 triangle = face[y, x] - first_face[instance]
                 geometry = scene.instances[instance].geometry
