@@ -9,15 +9,15 @@ PACKAGE = Path(warprender.__file__).parent
 
 #: Files and folders of the package by level.
 LEVELS = (
-    {"numerics", "sampling", "color", "launch"},
+    {"numerics", "sampling", "color", "launch", "watched"},
     {"records", "images"},
     {"texels", "textures"},
-    {"materials", "lights", "shapes", "camera", "outputs"},
+    {"materials", "lights", "shapes", "camera", "outputs", "bodies"},
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"integrators", "upload", "upload_lights", "checks", "receipt"},
-    {"frame", "renderer"},
+    {"integrators", "upload", "upload_lights", "upload_shapes", "attaching", "checks", "receipt"},
+    {"frame", "films", "live", "renderer"},
     {"usd", "cli"},
     {"__init__", "__main__"},
 )
@@ -31,7 +31,13 @@ NEIGHBOURS = {
     ("textures", "texels"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
+    ("upload", "upload_shapes"),
+    ("upload", "attaching"),
+    ("upload_lights", "upload_shapes"),
+    ("films", "frame"),
     ("renderer", "frame"),
+    ("renderer", "films"),
+    ("renderer", "live"),
     ("__main__", "__init__"),
 }
 EDGES = {"usd", "cli"}

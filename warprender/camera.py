@@ -10,6 +10,7 @@ import warp as wp
 
 from .records import CameraRecord, Ray
 from .sampling import unit_disk
+from .watched import Watched
 
 #: What an image whose shape is not the aperture's does to the aperture (UsdRenderSettings).
 CONFORM_POLICIES = (
@@ -22,7 +23,7 @@ CONFORM_POLICIES = (
 
 
 @dataclass
-class Camera:
+class Camera(Watched):
     """UsdGeomCamera, names, units and defaults as in the schema; looks down local -Z, +Y up.
 
     Attributes:

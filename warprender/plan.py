@@ -7,7 +7,7 @@ sizes and colours are runtime values and never in a key.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 
 import numpy as np
 
@@ -118,6 +118,19 @@ class RenderPlan:
         lines += ["", "bounds"] + [f"  {name:{width}}  {value:g}" for name, value in self.bounds.items()]
         return "\n".join(lines)
 
+    def kept_from(self, before: RenderPlan, camera: Camera) -> RenderPlan:
+        """This plan with the kernels of an earlier one of the same request, as far as they draw what it asks for.
+
+        So nothing is compiled because something went, or came back.
+        """
+        self.path = before.path if covers(before.path, self.path) else self.path
+        self.outputs = before.outputs if covers(before.outputs, self.outputs) else self.outputs
+        if "clippingPlanes" not in camera.effects() and self.visibility != before.visibility:
+            del self.reasons[f"visibility {self.visibility}"]
+            self.visibility = before.visibility
+            self.reasons[f"visibility {self.visibility}"] = "as before"
+        return self
+
     def as_dict(self) -> dict:
         """The same as plain values, for JSON."""
         return asdict(self)
@@ -195,6 +208,20 @@ def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> 
     rays, raster = pixels * RAY_COST, pixels * PIXEL_COST + faces * TRIANGLE_COST
     milliseconds = f"about {1e-6 * raster:.3g} ms of one thread by raster, {1e-6 * rays:.3g} ms by rays"
     return "raster" if raster < rays else "rays", f"{faces} triangles, {pixels} pixels: {milliseconds}"
+
+
+def covers(wide: object, narrow: object) -> bool:
+    """Whether the kernel of one key draws all that another key asks for, to the bit: it has more compiled in."""
+    if type(wide) is not type(narrow):
+        return False
+    for part in fields(wide):
+        more, less = getattr(wide, part.name), getattr(narrow, part.name)
+        if part.name == "outputs" or not isinstance(more, (tuple, bool)):
+            if more != less:
+                return False
+        elif (less and not more) if isinstance(more, bool) else not set(less) <= set(more):
+            return False
+    return True
 
 
 def everything() -> PathKey:

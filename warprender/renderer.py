@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import warp as wp
 
+from .attaching import posed_transforms
 from .camera import Camera
-from .emitters import lit
-from .film import Film
-from .frame import Frame
+from .films import Films
+from .frame import Frame, Stats
 from .framing import choose_camera, choose_resolution
 from .integrators.none import launch_outputs
 from .integrators.path import PathRequest, launch_path
 from .launch import thread_count
+from .live import LiveScene
 from .outputs import OutputBuffers, cleared_outputs
 from .plan import RenderPlan, Request, analyse
 from .receipt import make_receipt
-from .scene import Scene, SceneError
+from .scene import Scene, SceneError, pose_matrix
 from .texels import TEXTURE_BYTES
-from .upload import Upload, camera_light_at
 from .visibility.first_hits import FirstHits, RasterHits, RayHits
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
@@ -38,7 +40,7 @@ Progress = Callable[[float, Callable[[], Frame]], None]
 class Renderer:
     """Renders one scene from one camera.
 
-    The scene is uploaded once, here: what changes in it later is not seen.
+    The scene is uploaded here. What changes in it later is seen from the next `update` on.
 
     Args:
         scene: what to draw.
@@ -64,7 +66,7 @@ class Renderer:
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
-        camera: the `Camera` that was chosen.
+        camera: the `Camera` that was chosen, where `update` has last seen it.
         resolution: (width, height) in pixels.
 
     Raises:
@@ -94,9 +96,8 @@ class Renderer:
         """Plan, compile and upload."""
         start = time.perf_counter()
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
-        self.camera = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
-        if fault := self.camera.fault():
-            raise SceneError(f"camera: {fault}")
+        self._camera_source = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
+        self._see_camera()
         self.resolution = resolution or choose_resolution(scene, self.camera)
         if min(self.resolution) < 1:
             raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
@@ -114,33 +115,18 @@ class Renderer:
             sampler,
             texture_bytes,
         )
-        with_camera_light = use_camera_light(scene, camera_light)
-        self.plan: RenderPlan = analyse(
-            scene, self.camera, self.request, with_camera_light, self.resolution[0] * self.resolution[1]
-        )
-
-        lights = lit(scene, with_camera_light)
-        if with_camera_light:
-            camera_light_at(lights["camera light"], self.camera.transform)
-        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes)
-        self._upload.record.energy_compensation = int(energy_compensation)
-        for warning in self._upload.warnings:
-            scene.warn(warning)
-        if not (scene.placements or dome_light_visible or lights_visible):
-            scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
-        settings = scene.settings
-        self._camera_record = self.camera.record(
-            *self.resolution,
-            self._upload.origin,
-            settings.pixelAspectRatio,
-            settings.aspectRatioConformPolicy,
-            device,
-        )
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
+        self._with_camera_light = use_camera_light(scene, camera_light)
+        self.plan: RenderPlan = self._analyse()
+        self._live = LiveScene(scene, device, self.camera.transform, self._with_camera_light, texture_bytes)
+        if not (scene.placements or dome_light_visible or lights_visible):
+            scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
         self._sobol = sampler == "sobol"
-        self._first_hits = None if self.plan.outputs is None else self._see()
-        self._film = Film(*self.resolution, device, filter)
+        self._first_hits: FirstHits | None = None
+        self._seen_by: tuple = ()
+        self._look()
+        self._films = Films(*self.resolution, device, filter)
         self._seconds = {"prepare": time.perf_counter() - start}
 
     def render(
@@ -181,16 +167,95 @@ class Renderer:
             self._seconds["sample"] = time.perf_counter() - start
         return self._frame(values, taken, seed, interrupted)
 
+    def update(self) -> None:
+        """Follow what has changed in the scene since it was last looked at.
+
+        Call it after writing into the points of meshes, `Scene.set_poses`, or other changes, and before `render`. Until
+        then pictures show points as they were written with trees as they were built: what was moved may be cut off
+        or missing, but nothing is read that is not there.
+
+        Trees are refitted, and rebuilt once rays are expected to take twice the steps through them. Meshes whose
+        points nobody was given are left alone. Nothing is compiled for what the plan names already.
+
+        Raises:
+            SceneError: the points of a mesh were replaced by another array, or the camera can take no picture.
+        """
+        start = time.perf_counter()
+        effects = self.camera.effects()
+        self._see_camera()
+        replan = self._live.update(self.camera.transform)
+        if replan or effects != self.camera.effects():
+            self.plan = self._analyse().kept_from(self.plan, self.camera)
+        self._look()
+        self._seconds["update"] = time.perf_counter() - start
+
+    def set_camera(self, camera: Camera | str | np.ndarray | Sequence) -> None:
+        """Look through another camera, or from another place; seen from the next picture on.
+
+        Args:
+            camera: a `Camera`, the path or name of one in the scene, or a camera-to-world transform: a (4, 4) matrix
+                for row vectors, or position and quaternion xyzw.
+
+        Raises:
+            SceneError: there is no such camera, or it can take no picture.
+        """
+        if isinstance(camera, str):
+            self._camera_source = choose_camera(self.scene, camera)
+        elif isinstance(camera, Camera):
+            self._camera_source = camera
+        else:
+            self._camera_source = replace(self._camera_source, transform=pose_matrix(camera, "camera"))
+        self.update()
+
     def standard_error(self) -> np.ndarray:
         """(H, W, 3) float64 standard error of the last frame's colour; inf where a pixel has under two samples."""
-        return self._film.standard_error() * self.camera.exposureScale
+        return self._films.last.standard_error() * self.camera.exposureScale
+
+    def _analyse(self) -> RenderPlan:
+        pixels = self.resolution[0] * self.resolution[1]
+        return analyse(self.scene, self.camera, self.request, self._with_camera_light, pixels)
+
+    def _see_camera(self) -> None:
+        """The camera, where poses have put it.
+
+        Raises:
+            SceneError: it can take no picture.
+        """
+        camera = self._camera_source
+        path = next((path for path, other in self.scene.cameras.items() if other is camera), None)
+        if path is not None:
+            moved = posed_transforms(self.scene, {path: camera.transform})
+            camera = replace(camera, transform=moved[path]) if moved else camera
+        if fault := camera.fault():
+            raise SceneError(f"{path or 'camera'}: {fault}")
+        self.camera = camera
+
+    def _look(self) -> None:
+        """Prepare for the camera, the instances and the plan as they are."""
+        upload, settings = self._live.upload, self.scene.settings
+        self._camera_record = self.camera.record(
+            *self.resolution,
+            upload.origin,
+            settings.pixelAspectRatio,
+            settings.aspectRatioConformPolicy,
+            self.device,
+        )
+        upload.record.energy_compensation = int(self.request.energy_compensation)
+        if self.plan.outputs is None:
+            return
+        kind = upload, self.plan.outputs.camera, self.plan.visibility
+        if kind == self._seen_by:
+            self._first_hits.follow(upload.record, self._camera_record)
+        else:
+            self._first_hits, self._seen_by = self._see(), kind
 
     def _see(self) -> FirstHits:
-        scene, camera, effects = self._upload.record, self._camera_record, self.plan.outputs.camera
+        upload, camera, effects = self._live.upload, self._camera_record, self.plan.outputs.camera
         if self.plan.visibility == "rays":
-            return RayHits(scene, camera, effects, self.device)
-        bounds, painter = self._upload.bounds - self._upload.origin, self.plan.visibility == "painter"
-        return RasterHits(scene, self._upload.geometries, bounds, camera, effects, self.device, painter)
+            return RayHits(upload.record, camera, effects, self.device)
+        geometries, instances = [part.record for part in upload.parts], upload.rows["geometry"]
+        painter, boxes = self.plan.visibility == "painter", upload.world.boxes
+        return RasterHits(upload.record, geometries, instances, boxes, camera, effects, self.device, painter)
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
@@ -199,7 +264,7 @@ class Renderer:
         for name, array in values.items():
             setattr(buffers, name, array)
         hits = self._first_hits.find(self.threads)
-        scene, camera = self._upload.record, self._camera_record
+        scene, camera = self._live.record, self._camera_record
         launch_outputs(self.plan.outputs, scene, camera, hits, buffers, self.device, self.threads)
         return values
 
@@ -213,7 +278,7 @@ class Renderer:
         values: dict[str, wp.array],
     ) -> tuple[int, bool]:
         """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
-        self._film.clear()
+        self._films.turn()
         request = self._path_request(seed)
         limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
         taken, batch, start = 0, 1, time.perf_counter()
@@ -225,14 +290,14 @@ class Renderer:
                 elapsed = time.perf_counter() - start
                 if seconds is not None and elapsed >= seconds:
                     break
-                if error is not None and taken >= FEWEST_FOR_ERROR and self._film.relative_error() <= error:
+                if error is not None and taken >= FEWEST_FOR_ERROR and self._films.last.relative_error() <= error:
                     break
                 per_sample = elapsed / taken
                 horizon = _PASS_SECONDS if seconds is None else min(_PASS_SECONDS, seconds - elapsed)
                 batch = max(1, min(2 * batch, int(horizon / per_sample)))
                 if progress is not None:
                     share = max(taken / limit, elapsed / seconds if seconds else 0.0)
-                    progress(share, lambda n=taken: self._frame(values, n, seed, True))
+                    progress(share, lambda n=taken: self._frame(values, n, seed, True, settled=True))
         except KeyboardInterrupt:
             return taken, True
         return taken, False
@@ -248,26 +313,28 @@ class Renderer:
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int) -> None:
         request.first_sample, request.samples = first_sample, samples
-        scene, camera, film = self._upload.record, self._camera_record, self._film.record
+        scene, camera, film = self._live.record, self._camera_record, self._films.last.record
         launch_path(self.plan.path, scene, camera, request, film, self.device, self.threads)
         wp.synchronize_device(self.device)
 
-    def _frame(self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool) -> Frame:
-        outputs = dict(values)
-        stats = {"seconds": dict(self._seconds), "samples": samples, "interrupted": interrupted}
-        if self.plan.path is not None:
-            outputs["color"] = self._film.color(self.camera.exposureScale, self.threads)
-            stats["rays"] = self._film.ray_counts()
-            stats["error"] = self._film.relative_error()
-            stats["dropped samples"] = self._film.dropped_samples()
-        stats["texture bytes"] = self._upload.texture_bytes
-        stats["plan"] = self.plan.as_dict()
+    def _frame(
+        self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool, settled: bool = False
+    ) -> Frame:
+        """The frame as it is now. Its statistics are left to who asks, unless they are to be `settled` at once."""
+        outputs, plan, camera = dict(values), self.plan, replace(self.camera)
+        stats = Stats(seconds=dict(self._seconds), samples=samples, interrupted=interrupted)
+        if plan.path is not None:
+            film = self._films.last
+            outputs["color"] = film.color(camera.exposureScale, self.threads)
+            stats["rays"], stats["error"] = film.ray_counts, film.relative_error
+            stats["dropped samples"] = film.dropped_samples
+            self._films.describe(stats)
+        stats["texture bytes"] = self._live.upload.texture_bytes
+        stats["plan"] = plan.as_dict
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
-        receipt = make_receipt(
-            self.scene, self.plan, self.request, self.camera, self.resolution, samples, seed, self.device
-        )
-        return Frame(ordered, stats, receipt)
+        facts = self.scene, plan, self.request, camera, self.resolution, samples, seed, self.device
+        return Frame(ordered, stats.settle() if settled else stats, partial(make_receipt, *facts))
 
 
 def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int | None = None, **options) -> Frame:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from .emitters import emits, triangle_areas
-from .lights import DomeLight, Light, MeshLight
+from .lights import DomeLight, IesProfile, Light, LightTexture, MeshLight
 from .lights.dispatch import kind_of
 from .lights.linking import LinkSets
 from .lights.tree import LightBounds, build
 from .records import (
+    NOT_DRAWN,
     SHADOW_CHANGED,
     SHADOW_NONE,
     SHADOW_PLAIN,
@@ -24,6 +26,8 @@ from .records import (
 )
 from .scene import Placement, Scene
 from .shapes import Mesh, Sphere
+from .upload_shapes import Part
+from .visibility.world_tree import WorldTree
 
 
 @dataclass
@@ -32,19 +36,60 @@ class Placed:
 
     Attributes:
         instances: the instance records; `light` is filled in here.
-        shapes: geometry number to its shape.
-        kept: geometry number to the (T,) bool of the mesh's triangles that are on the device.
-        boxes: (instances, 2, 3) float64 world boxes.
-        bounds: (2, 3) float64 world box of everything placed.
+        parts: the shapes by geometry number.
+        world: where the instances are.
         origin: (3,) world position that positions on the device are relative to.
     """
 
     instances: np.ndarray
-    shapes: dict[int, Mesh | Sphere]
-    kept: dict[int, np.ndarray]
-    boxes: np.ndarray
-    bounds: np.ndarray
+    parts: list[Part]
+    world: WorldTree
     origin: np.ndarray
+
+    @cached_property
+    def boxes(self) -> np.ndarray:
+        """(instances, 2, 3) float64 boxes relative to the origin; NaN for what is not drawn."""
+        return self.world.boxes().astype(np.float64)
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """(instances,) rows of `Instance`."""
+        return self.world.instances.numpy()
+
+    def radius(self) -> float:
+        """Half the diagonal of all that is drawn."""
+        return scene_radius(self.boxes)
+
+
+class Pictures:
+    """Light pictures and profiles on a device, each once. Owns their arrays."""
+
+    def __init__(self) -> None:
+        """None yet."""
+        self.images: list[ImageRecord] = []
+        self.profiles: list[ProfileRecord] = []
+        self._numbers: dict[int, int] = {}
+        self._kept: list[object] = []
+
+    def image(self, picture: LightTexture, device: str, of_dome: bool) -> tuple[int, bool]:
+        """The number of a picture, and whether it was uploaded just now."""
+        if id(picture) in self._numbers:
+            return self._numbers[id(picture)], False
+        record, kept = picture.upload(device, of_dome)
+        return self._add(picture, self.images, record, kept), True
+
+    def profile(self, profile: IesProfile, device: str) -> int:
+        """The number of a profile."""
+        if id(profile) in self._numbers:
+            return self._numbers[id(profile)]
+        return self._add(profile, self.profiles, *profile.upload(device))
+
+    def _add(self, source: object, records: list, record: object, kept: list[object]) -> int:
+        records.append(record)
+        # The source, too: its id must not become another's.
+        self._kept += [source, *kept]
+        self._numbers[id(source)] = len(records) - 1
+        return len(records) - 1
 
 
 class LightUpload:
@@ -52,25 +97,35 @@ class LightUpload:
 
     Attributes:
         warnings: one line for each light that gives none.
+        count: lights, each copy of geometry that glows for itself.
+        glowing: numbers of the geometries that glow.
+        radius: of the scene, by which the power of lights at infinity was weighed.
+        weighs_by_radius: whether it mattered.
     """
 
     def __init__(
-        self, scene: Scene, lights: dict[str, Light], placed: Placed, record: DeviceScene, device: str
+        self,
+        scene: Scene,
+        lights: dict[str, Light],
+        placed: Placed,
+        record: DeviceScene,
+        device: str,
+        before: LightUpload | None = None,
     ) -> None:
-        """Fill in the lights of `record`, and `light` of the placed instances."""
+        """Fill in the lights of `record`, and `light` of the placed instances.
+
+        Pictures and profiles are taken over from the upload `before`.
+        """
         self.device = device
         self.warnings: list[str] = []
         self._kept: list[object] = []
         self._placed, self._scene = placed, scene
         self._prims = {path: number for number, path in enumerate(scene.placements)}
         self._links = LinkSets(scene.placements)
-        self._images: dict[int, int] = {}
-        self._profiles: dict[int, int] = {}
-        self._image_records: list[ImageRecord] = []
-        self._profile_records: list[ProfileRecord] = []
+        self._pictures = before._pictures if before else Pictures()
         self._glow_triangles: list[np.ndarray] = []
         self._glow_cdf: list[np.ndarray] = []
-        self._radius = max(float(np.linalg.norm(placed.bounds[1] - placed.bounds[0])) / 2, 1e-6)
+        self.radius = placed.radius()
         self._fill(lights, record)
 
     def _fill(self, lights: dict[str, Light], record: DeviceScene) -> None:
@@ -83,6 +138,9 @@ class LightUpload:
             if instance >= 0 and power[number] > 0:
                 self._placed.instances["light"][instance] = number
         infinite = np.array([light.infinite for _, light, _ in members], bool)
+        self.weighs_by_radius = bool(infinite.any()) and len(members) > 1
+        self.glowing = {int(self._placed.instances["geometry"][i]) for _, _, i in members if i >= 0}
+        self.count = len(members)
         finite = rows["instance"] < 0
         finite &= ~infinite
         bounds = self._bounds(members, rows, power)
@@ -91,17 +149,18 @@ class LightUpload:
         if finite.any():
             self._build_boxes(bounds, finite, record)
         record.lights = self._array(rows, LightRecord)
-        record.images = self._array(self._image_records, ImageRecord)
-        record.profiles = self._array(self._profile_records, ProfileRecord)
+        record.images = self._array(self._pictures.images, ImageRecord)
+        record.profiles = self._array(self._pictures.profiles, ProfileRecord)
         record.link_sets = self._keep(self._links.upload(self.device))
         record.glow_triangles = self._array(np.concatenate([[], *self._glow_triangles]).astype(np.int32), wp.int32)
         record.glow_cdf = self._array(np.concatenate([[], *self._glow_cdf]), wp.float64)
 
     def _members(self, lights: dict[str, Light]) -> list[tuple[str, Light, int]]:
         """Path, light and instance (-1 for none) of each device light: finite ones, infinite ones, geometry."""
-        met = [(path, light, -1) for path, light in lights.items() if not isinstance(light, MeshLight)]
+        shown = {path: light for path, light in lights.items() if light.visible}
+        met = [(path, light, -1) for path, light in shown.items() if not isinstance(light, MeshLight)]
         members = sorted(met, key=lambda member: member[1].infinite)
-        for path, light in lights.items():
+        for path, light in shown.items():
             if isinstance(light, MeshLight):
                 members += self._copies(path, light)
         return members
@@ -110,6 +169,11 @@ class LightUpload:
         """One light for each instance of the prim that it makes glow, with its area."""
         placement = self._scene.placements.get(light.prim)
         copies = np.flatnonzero(self._placed.instances["prim"] == self._prims.get(light.prim, -1))
+        hidden = placement is not None and not np.any(placement.visible)
+        if len(copies):
+            copies = copies[self._placed.places["placed"][copies] != NOT_DRAWN]
+        if not len(copies) and hidden:
+            return []
         if placement is None or not len(copies):
             self.warnings.append(f"{path}: {light.prim} is not drawn and gives no light")
             return []
@@ -133,32 +197,31 @@ class LightUpload:
         row["image"] = self._image(path, light)
         self._shaping_row(row, light)
         self._shadow_row(row, light)
-        return max(light.power(self._radius), 0.0)
+        return max(light.power(self.radius), 0.0)
 
     def _glow_row(self, row: np.void, light: MeshLight, instance: int) -> MeshLight:
         """Fill the part of geometry that glows; returns the light with its area."""
-        placed = self._placed.instances[instance]
+        place = self._placed.places["to_world"][instance]
         row["instance"] = instance
-        row["linear"], row["position"] = placed["linear"], placed["translation"]
+        row["linear"], row["position"] = place[:, :3], place[:, 3]
         alone = light.materialSyncMode != "materialGlowTintsLight"
-        shape = self._placed.shapes[int(placed["geometry"])]
-        linear = placed["linear"].astype(np.float64)
+        part = self._placed.parts[int(self._placed.instances["geometry"][instance])]
+        shape, linear = part.shape, place[:, :3].astype(np.float64)
         if isinstance(shape, Sphere):
             size = shape.radius
             area = 4 * np.pi * size**2 * abs(np.linalg.det(linear)) ** (2 / 3)
         else:
-            size = area = self._glow_triangles_of(row, light, placed, linear)
+            size = area = self._glow_triangles_of(row, light, part, linear)
         row["size"] = (size, alone, light.bothSides)
         return replace(light, area=area)
 
-    def _glow_triangles_of(self, row: np.void, light: MeshLight, placed: np.void, linear: np.ndarray) -> float:
+    def _glow_triangles_of(self, row: np.void, light: MeshLight, part: Part, linear: np.ndarray) -> float:
         """Table of the triangles of an instance that emit, by their world areas; returns the area of all."""
-        geometry = int(placed["geometry"])
-        mesh, kept = self._placed.shapes[geometry], self._placed.kept[geometry]
+        mesh, kept = part.shape, part.drawn
         areas = triangle_areas(mesh.host_points().astype(np.float64) @ linear.T, mesh.triangles[kept])
         if light.materialSyncMode == "materialGlowTintsLight":
             areas = np.where(self._emitting(self._scene.placements[light.prim], mesh)[mesh.faces[kept]], areas, 0.0)
-        chosen = np.flatnonzero(areas > 0)
+        chosen = np.flatnonzero((areas > 0) & np.isfinite(areas))
         row["first_triangle"] = sum(map(len, self._glow_triangles))
         row["triangles"] = len(chosen)
         if not len(chosen):
@@ -183,26 +246,17 @@ class LightUpload:
         picture = getattr(light, "texture", None)
         if picture is None:
             return -1
-        if id(picture) not in self._images:
-            self._images[id(picture)] = len(self._image_records)
-            record, kept = picture.upload(self.device, isinstance(light, DomeLight))
-            self._image_records.append(record)
-            self._kept += kept
+        number, is_new = self._pictures.image(picture, self.device, isinstance(light, DomeLight))
+        if is_new:
             self.warnings += [f"{path}: {warning}" for warning in picture.warnings]
-        return self._images[id(picture)]
+        return number
 
     def _shaping_row(self, row: np.void, light: Light) -> None:
         shaping = light.shaping
         row["focus"], row["focus_tint"], row["cone"] = shaping.focus, shaping.focusTint, shaping.cone()
         row["angle_scale"], row["profile"] = shaping.iesAngleScale, -1
-        profile = shaping.iesProfile
-        if profile is not None:
-            if id(profile) not in self._profiles:
-                self._profiles[id(profile)] = len(self._profile_records)
-                record, kept = profile.upload(self.device)
-                self._profile_records.append(record)
-                self._kept += kept
-            row["profile"] = self._profiles[id(profile)]
+        if shaping.iesProfile is not None:
+            row["profile"] = self._pictures.profile(shaping.iesProfile, self.device)
 
     def _shadow_row(self, row: np.void, light: Light) -> None:
         shadow = light.shadow
@@ -235,7 +289,7 @@ class LightUpload:
         lower, upper = middle - reach, middle + reach
         for i, (_, _, instance) in enumerate(members):
             if instance >= 0:
-                lower[i], upper[i] = self._placed.boxes[instance] - self._placed.origin
+                lower[i], upper[i] = self._placed.boxes[instance]
         cones = [light.emission_cone() for _, light, _ in members]
         axis = np.einsum("kij,kj->ki", linear, np.array([cone[0] for cone in cones]).reshape(-1, 3))
         axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300)
@@ -278,3 +332,10 @@ class LightUpload:
     def _keep(self, thing: object) -> object:
         self._kept.append(thing)
         return thing
+
+
+def scene_radius(boxes: np.ndarray) -> float:
+    """Half the diagonal of what boxes (I, 2, 3) hold together, NaN ones left out; not below 1e-6."""
+    if not np.isfinite(boxes).any():
+        return 1e-6
+    return max(float(np.linalg.norm(np.nanmax(boxes[:, 1], 0) - np.nanmin(boxes[:, 0], 0))) / 2, 1e-6)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from ..numerics import safe_normalize
+from ..numerics import linear_of, safe_normalize, translation_of
 from ..records import DeviceScene, LightRecord, LightSample, Surface
 from ..shapes.mesh import triangle_normal
 from .light import Light, no_light
@@ -56,8 +56,8 @@ class MeshLight(Light):
 def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
     """A point uniform over the light's area; its emission is left to the material."""
     result = no_light()
-    instance = scene.instances[light.instance]
-    geometry = scene.geometries[instance.geometry]
+    geometry = scene.geometries[scene.instances[light.instance].geometry]
+    placed = scene.world.instances[light.instance]
     place = wp.float64(u[0])
     low = light.first_triangle
     high = light.first_triangle + light.triangles - 1
@@ -80,9 +80,9 @@ def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> Li
     p2 = geometry.points[geometry.indices[3 * face + 2]]
     v = root * u[1]
     local = p0 * (1.0 - root) + p1 * (root - v) + p2 * v
-    to_place = instance.linear * local + instance.translation - p
+    to_place = linear_of(placed.to_world) * local + translation_of(placed.to_world) - p
     distance = wp.length(to_place)
-    normal = safe_normalize(wp.transpose(instance.inverse) * triangle_normal(p0, p1, p2))
+    normal = safe_normalize(wp.transpose(linear_of(placed.to_object)) * triangle_normal(p0, p1, p2))
     if distance <= 0.0:
         return result
     result.direction = to_place / distance

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Protocol
 
@@ -10,14 +10,18 @@ import numpy as np
 import warp as wp
 
 from ..camera import camera_ray_function
-from ..launch import launch_pixels
-from ..records import CameraRecord, DeviceScene, GeometryRecord, Hit
+from ..launch import launch, launch_pixels
+from ..numerics import linear_of, translation_of
+from ..records import NOT_DRAWN, CameraRecord, DeviceScene, GeometryRecord, Hit, World
 from .raster import DrawList, Raster, Triangles
 from .rays import closest, miss
 
 
 class FirstHits(Protocol):
     """A way to find first hits."""
+
+    def follow(self, scene: DeviceScene, camera: CameraRecord) -> None:
+        """See the scene, whose instances may have moved, from a camera of the same size and effects."""
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """(H, W) hits, row 0 at the top. The array is overwritten by the next call."""
@@ -29,8 +33,12 @@ class RayHits:
     def __init__(self, scene: DeviceScene, camera: CameraRecord, effects: tuple[str, ...], device: str) -> None:
         """`effects` are the camera's, by name."""
         self._kernel = _ray_kernel(effects)
-        self._scene, self._camera = scene, camera
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
+        self.follow(scene, camera)
+
+    def follow(self, scene: DeviceScene, camera: CameraRecord) -> None:
+        """See `FirstHits`."""
+        self._scene, self._camera = scene, camera
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """See `FirstHits`."""
@@ -51,18 +59,21 @@ class RasterHits:
         self,
         scene: DeviceScene,
         geometries: Sequence[GeometryRecord],
-        bounds: np.ndarray,
+        instances: np.ndarray,
+        boxes: Callable[[], np.ndarray],
         camera: CameraRecord,
         effects: tuple[str, ...],
         device: str,
         painter: bool = False,
     ) -> None:
-        """For a scene at rest.
+        """For the instances of a scene, which may move.
 
         Args:
             scene: the scene on its device.
             geometries: the host's copies of `scene.geometries`.
-            bounds: (2, 3) float64 box of everything placed, in the scene's coordinates.
+            instances: (I,) ints, the geometry of each instance.
+            boxes: returns the boxes (I, 2, 3) of the instances in the scene's coordinates, NaN for what is not drawn;
+                called for orthographic cameras.
             camera: a pinhole or an orthographic camera without clipping planes.
             effects: the camera's, by name.
             device: of the scene.
@@ -71,23 +82,31 @@ class RasterHits:
         Raises:
             ValueError: more triangles than int32 can number.
         """
-        instances = scene.instances.numpy()
-        placed = np.zeros((len(instances), 4, 4))
-        placed[:, :3, :3], placed[:, :3, 3], placed[:, 3, 3] = instances["linear"], instances["translation"], 1.0
-        to_clip = clip_matrix(camera, bounds)
-        self._scene, self._camera = scene, camera
-        self._draws = DrawList([_triangles(g, device) for g in geometries], instances["geometry"], device)
-        self._draws.matrices.assign(to_clip @ placed)
+        self._draws = DrawList([_triangles(g, device) for g in geometries], instances, device)
         self._seen: Raster | None = None
         self._draw = self._draws.paint if painter else self._draws.rasterize
-        radius = np.array([g.radius for g in geometries])[instances["geometry"]]
-        boxes = sphere_boxes(camera, to_clip, placed[radius > 0], radius[radius > 0])
-        by_ray = np.zeros((camera.height, camera.width), np.uint8)
-        for left, top, right, bottom in boxes:
-            by_ray[top:bottom, left:right] = 1
-        self._by_ray = wp.array(by_ray, dtype=wp.uint8, device=device)
+        self._boxes, self._device = boxes, device
+        radius = np.array([g.radius for g in geometries], np.float32)[instances]
+        self._balls = Balls()
+        self._balls.instances = _ints(np.flatnonzero(radius > 0), device)
+        self._balls.radius = wp.array(radius[radius > 0], dtype=wp.float32, device=device)
+        self._balls.boxes = wp.empty(len(self._balls.instances), dtype=wp.vec4i, device=device)
+        self._by_ray = wp.zeros((camera.height, camera.width), dtype=wp.uint8, device=device)
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
-        self._kernel = _raster_kernel(effects, bool(len(boxes)))
+        self._kernel = _raster_kernel(effects, bool((radius > 0).any()))
+        self.follow(scene, camera)
+
+    def follow(self, scene: DeviceScene, camera: CameraRecord) -> None:
+        """See `FirstHits`."""
+        self._scene, self._camera = scene, camera
+        boxes = self._boxes() if camera.orthographic else np.zeros((0, 2, 3))
+        to_clip = wp.mat44d(*clip_matrix(camera, boxes).reshape(-1))
+        count, balls = len(self._draws.matrices), len(self._balls.instances)
+        launch(_matrices_to_clip, count, [to_clip, scene.world, self._draws.matrices], self._device)
+        if balls:
+            size = wp.vec2i(camera.width, camera.height)
+            launch(_box_balls, balls, [self._draws.matrices, size, self._balls], self._device)
+            launch(_mark_rows, camera.height, [self._balls, self._by_ray], self._device, smallest_chunk=16)
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """See `FirstHits`."""
@@ -98,12 +117,12 @@ class RasterHits:
         return self._hits
 
 
-def clip_matrix(camera: CameraRecord, bounds: np.ndarray) -> np.ndarray:
+def clip_matrix(camera: CameraRecord, boxes: np.ndarray) -> np.ndarray:
     """(4, 4) float64, from the scene's coordinates to clip space, for column vectors.
 
     Depth z / w runs from -1 on the near plane to 0 at infinity (perspective), where float32 is as fine as the depth
-    itself, or to 1 behind the last of `bounds` (orthographic). The far plane is left to whoever reads the hits: what is
-    behind it hides nothing.
+    itself, or to 1 behind the last of the `boxes` (I, 2, 3) (orthographic). The far plane is left to whoever reads the
+    hits: what is behind it hides nothing.
     """
     rotation = np.array(camera.rotation, np.float64).reshape(3, 3)
     position = np.array(camera.position, np.float64)
@@ -114,8 +133,9 @@ def clip_matrix(camera: CameraRecord, bounds: np.ndarray) -> np.ndarray:
     projection = np.zeros((4, 4))
     projection[0, 0], projection[1, 1] = 2 / (right - left), 2 / (top - bottom)
     if camera.orthographic:
-        corners = np.stack(np.meshgrid(*np.asarray(bounds, np.float64).T, indexing="ij"), -1).reshape(-1, 3)
-        farthest = (-(corners @ view[2, :3]) - view[2, 3]).max()
+        boxes = boxes[np.isfinite(boxes).all((1, 2))].astype(np.float64)
+        middle, reach = boxes.sum(1) / 2, (boxes[:, 1] - boxes[:, 0]) / 2
+        farthest = (-(middle @ view[2, :3]) - view[2, 3] + reach @ np.abs(view[2, :3])).max(initial=camera.near)
         depth = max(1.01 * (farthest - camera.near), 1e-6 * abs(camera.near), 1e-30)
         projection[0, 3], projection[1, 3] = -x, -y
         projection[2, 2:] = -2 / depth, -2 * camera.near / depth - 1
@@ -127,25 +147,78 @@ def clip_matrix(camera: CameraRecord, bounds: np.ndarray) -> np.ndarray:
     return projection @ view
 
 
-def sphere_boxes(camera: CameraRecord, to_clip: np.ndarray, placed: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """(S, 4) int left, top, right, bottom of the pixels that may see each sphere: of the cube about it.
-
-    Args:
-        camera: the camera.
-        to_clip: (4, 4) of `clip_matrix`.
-        placed: (S, 4, 4) object-to-scene matrices for column vectors.
-        radius: (S,) of the spheres.
+@wp.struct
+class Balls:
+    """Placed spheres (S,): their instances, radii in object space, and left, top, right, bottom of the pixels that may
+    see each: those of the cube about it.
     """
-    size = np.array([camera.width, camera.height])
-    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    corners = np.concatenate([signs[None] * radius[:, None, None], np.ones((len(radius), 8, 1))], 2)
-    clip = np.einsum("sij,skj->ski", to_clip @ placed, corners)
-    before_eye = (clip[..., 3] > 0).all(1)
-    with np.errstate(all="ignore"):
-        pixels = (clip[..., :2] / clip[..., 3:] * (0.5, -0.5) + 0.5) * size
-    low = np.where(before_eye[:, None], np.floor(pixels.min(1)) - 1, 0)
-    high = np.where(before_eye[:, None], np.ceil(pixels.max(1)) + 1, size)
-    return np.concatenate([np.clip(low, 0, size), np.clip(high, 0, size)], 1).astype(int)
+
+    instances: wp.array(dtype=wp.int32)
+    radius: wp.array(dtype=wp.float32)
+    boxes: wp.array(dtype=wp.vec4i)
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def _matrices_to_clip(first: wp.int32, to_clip: wp.mat44d, world: World, matrices: wp.array(dtype=wp.mat44d)):
+    i = first + wp.tid()
+    place = world.instances[i]
+    placed = wp.mat44d()
+    for a in range(3):
+        for b in range(4):
+            placed[a, b] = wp.float64(place.to_world[a, b])
+            # Positions that are not finite are not drawn.
+            if place.placed == wp.static(NOT_DRAWN):
+                placed[a, b] = wp.float64(wp.nan)
+    placed[3, 3] = wp.float64(1.0)
+    matrices[i] = to_clip * placed
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def _box_balls(first: wp.int32, matrices: wp.array(dtype=wp.mat44d), size: wp.vec2i, balls: Balls):
+    i = first + wp.tid()
+    to_clip = matrices[balls.instances[i]]
+    radius = wp.float64(balls.radius[i])
+    half = wp.float64(0.5)
+    low = wp.vec2d(wp.float64(wp.inf), wp.float64(wp.inf))
+    high = -low
+    before_eye = wp.bool(True)
+    sound = wp.bool(True)
+    for k in range(8):
+        x = wp.where((k & 1) != 0, radius, -radius)
+        y = wp.where((k & 2) != 0, radius, -radius)
+        z = wp.where((k & 4) != 0, radius, -radius)
+        clip = to_clip * wp.vec4d(x, y, z, wp.float64(1.0))
+        sound = sound and wp.isfinite(clip[0]) and wp.isfinite(clip[1]) and wp.isfinite(clip[3])
+        before_eye = before_eye and clip[3] > wp.float64(0.0)
+        at = wp.vec2d(clip[0] / clip[3] * half + half, half - clip[1] / clip[3] * half)
+        low = wp.min(low, at)
+        high = wp.max(high, at)
+    box = wp.vec4i(0, 0, size[0], size[1])
+    if before_eye:
+        for a in range(2):
+            pixels = wp.float64(size[a])
+            # Clamped first: what lies far outside has no int32.
+            box[a] = wp.int32(wp.floor(wp.clamp(low[a] * pixels - wp.float64(1.0), wp.float64(0.0), pixels)))
+            box[a + 2] = wp.int32(wp.ceil(wp.clamp(high[a] * pixels + wp.float64(1.0), wp.float64(0.0), pixels)))
+    if not sound:
+        box = wp.vec4i(0, 0, 0, 0)
+    balls.boxes[i] = box
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def _mark_rows(first: wp.int32, balls: Balls, by_ray: wp.array2d(dtype=wp.uint8)):
+    y = first + wp.tid()
+    for x in range(by_ray.shape[1]):
+        by_ray[y, x] = wp.uint8(0)
+    for i in range(balls.boxes.shape[0]):
+        box = balls.boxes[i]
+        if box[1] <= y and y < box[3]:
+            for x in range(box[0], box[2]):
+                by_ray[y, x] = wp.uint8(1)
+
+
+def _ints(values: np.ndarray, device: str) -> wp.array:
+    return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
 
 
 def _triangles(geometry: GeometryRecord, device: str) -> Triangles:
@@ -225,7 +298,8 @@ def _raster_kernel(effects: tuple[str, ...], with_spheres: bool) -> wp.Kernel:
                 p1 = scene.geometries[geometry].points[j]
                 p2 = scene.geometries[geometry].points[k]
                 p = p0 + (p1 - p0) * u[y, x] + (p2 - p0) * v[y, x]
-                p = scene.instances[instance].linear * p + scene.instances[instance].translation
+                placed = scene.world.instances[instance].to_world
+                p = linear_of(placed) * p + translation_of(placed)
                 t = wp.max(wp.dot(p - ray.origin, ray.direction), 0.0)
                 if t < ray.t_max:
                     hit.t = t
