@@ -8,7 +8,8 @@ import warp as wp
 
 from warprender.film import _resolve_kernel
 from warprender.integrators.none import outputs_kernel
-from warprender.integrators.path import path_kernel
+from warprender.integrators.path import radiance_function
+from warprender.integrators.samples import samples_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
 
@@ -20,7 +21,11 @@ def all_outputs():
     return outputs_kernel(OutputsKey(PLAIN.shapes, PLAIN.materials, CAMERA, tuple(sorted(OUTPUTS)), False))
 
 
-FAMILIES = {"film": _resolve_kernel, "outputs": all_outputs, "path": lambda: path_kernel(PLAIN)}
+FAMILIES = {
+    "film": _resolve_kernel,
+    "outputs": all_outputs,
+    "path": lambda: samples_kernel(CAMERA, (), radiance_function(PLAIN)),
+}
 
 
 @pytest.mark.parametrize("family", FAMILIES)

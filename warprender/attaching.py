@@ -131,4 +131,3 @@ def _matrix(pose: np.ndarray) -> np.ndarray:
     if not np.isfinite(pose).all() or not pose[3:].any():
         return np.full((4, 4), np.nan)
     return pose_matrix(pose, "")
-

@@ -10,6 +10,7 @@ import math
 from dataclasses import asdict, dataclass, field, fields
 
 import numpy as np
+import warp as wp
 
 from .camera import Camera
 from .emitters import lit
@@ -55,6 +56,7 @@ class PathKey:
     sampled_lights: bool
     straight_through: bool
     features: tuple[str, ...] = ()
+    sdfs: tuple[wp.Function, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class OutputsKey:
     outputs: tuple[str, ...]
     straight_through: bool
     features: tuple[str, ...] = ()
+    sdfs: tuple[wp.Function, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -216,7 +219,7 @@ def covers(wide: object, narrow: object) -> bool:
         return False
     for part in fields(wide):
         more, less = getattr(wide, part.name), getattr(narrow, part.name)
-        if part.name == "outputs" or not isinstance(more, (tuple, bool)):
+        if part.name in ("outputs", "sdfs") or not isinstance(more, (tuple, bool)):
             if more != less:
                 return False
         elif (less and not more) if isinstance(more, bool) else not set(less) <= set(more):

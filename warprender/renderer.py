@@ -16,7 +16,8 @@ from .films import Films
 from .frame import Frame, Stats
 from .framing import choose_camera, choose_resolution
 from .integrators.none import launch_outputs
-from .integrators.path import PathRequest, launch_path
+from .integrators.path import radiance_function
+from .integrators.samples import PathRequest, launch_samples
 from .launch import thread_count
 from .live import LiveScene
 from .outputs import OutputBuffers, cleared_outputs
@@ -252,7 +253,7 @@ class Renderer:
     def _see(self) -> FirstHits:
         upload, camera, effects = self._live.upload, self._camera_record, self.plan.outputs.camera
         if self.plan.visibility == "rays":
-            return RayHits(upload.record, camera, effects, self.device)
+            return RayHits(upload.record, camera, effects, self.device, self.plan.outputs.sdfs)
         geometries, instances = [part.record for part in upload.parts], upload.rows["geometry"]
         painter, boxes = self.plan.visibility == "painter", upload.world.boxes
         return RasterHits(upload.record, geometries, instances, boxes, camera, effects, self.device, painter)
@@ -314,7 +315,9 @@ class Renderer:
     def _pass(self, request: PathRequest, first_sample: int, samples: int) -> None:
         request.first_sample, request.samples = first_sample, samples
         scene, camera, film = self._live.record, self._camera_record, self._films.last.record
-        launch_path(self.plan.path, scene, camera, request, film, self.device, self.threads)
+        key = self.plan.path
+        radiance = radiance_function(key)
+        launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads)
         wp.synchronize_device(self.device)
 
     def _frame(

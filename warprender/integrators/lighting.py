@@ -30,7 +30,7 @@ from ..records import (
     Surface,
 )
 from ..sampling import DIMENSION_LIGHT, DIMENSION_LIGHT_CHOICE, SampleStream, power_heuristic, random_pair
-from ..visibility.rays import closest, closest_after, occluded
+from ..visibility.sdf import ray_functions
 
 #: Surfaces that a ray goes straight through, at most.
 MOST_PASSES = wp.constant(wp.int32(1024))
@@ -139,6 +139,7 @@ def shadow_function(key: PathKey) -> wp.Function:
     """
     shading_at = shading_function(key.shapes, key.features)
     prepare, _, _ = material_functions(key.materials, key.features)
+    closest, closest_after, occluded = ray_functions(key.sdfs)
     straight_through = key.straight_through
     changed = "shadows" in key.light_effects
 

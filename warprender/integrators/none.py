@@ -13,7 +13,7 @@ from ..materials.normal_map import shading_function
 from ..outputs import OUTPUTS, OutputBuffers, Seen
 from ..plan import OutputsKey
 from ..records import CameraRecord, DeviceScene, Hit
-from ..visibility.rays import closest_after
+from ..visibility.sdf import ray_functions
 
 #: Surfaces that are wholly clear are looked through, this many at most.
 MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
@@ -25,6 +25,7 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     camera_ray = camera_ray_function(key.camera)
     shading_at = shading_function(key.shapes, key.features)
     prepare, _, _ = material_functions(key.materials, key.features)
+    _, closest_after, _ = ray_functions(key.sdfs)
     writers = tuple(OUTPUTS[name].write for name in key.outputs)
     count = len(writers)
     straight_through = key.straight_through

@@ -8,54 +8,18 @@ from functools import cache
 
 import warp as wp
 
-from ..camera import camera_ray_function, pixel_cone
-from ..color import luminance
-from ..film import FilmRecord, filter_offset
-from ..launch import launch
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
-from ..numerics import INFINITY, from_frame, is_finite, max_component, offset_origin, tangent_of, to_frame
+from ..numerics import INFINITY, from_frame, max_component, offset_origin, tangent_of, to_frame
 from ..plan import PathKey
-from ..records import EVENT_ABSORB, EVENT_DELTA, EVENT_PASS, CameraRecord, DeviceScene, Ray
-from ..sampling import (
-    DIMENSION_BSDF,
-    DIMENSION_LENS,
-    DIMENSION_LOBE,
-    DIMENSION_PIXEL,
-    REPLICATES,
-    SampleStream,
-    random_pair,
-    sample_stream,
-)
-from ..visibility.rays import closest, closest_after
-from .lighting import MOST_PASSES, Departure, Visible, aimed_function, glow_function, met_function
+from ..records import EVENT_ABSORB, EVENT_DELTA, EVENT_PASS, DeviceScene, Hit, Ray
+from ..sampling import DIMENSION_BSDF, DIMENSION_LOBE, SampleStream, random_pair
+from ..visibility.sdf import ray_functions
+from .lighting import MOST_PASSES, Departure, aimed_function, glow_function, met_function
+from .samples import FOOTPRINT, PathRequest, PathResult
 
 #: Reflections before Russian roulette may end a path.
 ROULETTE_AFTER = wp.constant(wp.int32(3))
-#: Share of a pixel's width that one sample stands for. The samples average the rest themselves: look-ups this wide
-#: leave a distant texture without aliasing from 16 samples on, and add 1/16 to the variance of the pixel filter.
-FOOTPRINT = wp.constant(wp.float32(0.25))
-
-
-@wp.struct
-class PathRequest:
-    """Runtime values of a pass: which samples, how many bounces, which lights the camera sees."""
-
-    seed: wp.uint32
-    first_sample: wp.int32
-    samples: wp.int32
-    sobol: wp.int32
-    bounces: wp.int32
-    visible: Visible
-
-
-@wp.struct
-class PathResult:
-    """Radiance of one camera ray, its alpha, and the camera, bounce and shadow rays that it took."""
-
-    radiance: wp.vec3
-    alpha: wp.float32
-    rays: wp.vec3i
 
 
 @wp.func
@@ -70,12 +34,10 @@ def scattered_cone(width: float, growth: float, pdf: float) -> wp.vec2:
 
 @cache
 def radiance_function(key: PathKey) -> wp.Function:
-    """`radiance(scene, request, ray, cone, sample) -> PathResult`: one estimate of what a camera ray sees.
-
-    `cone` is the width of what the ray stands for at its origin, and how fast it grows.
-    """
+    """`radiance(scene, request, ray, hit, cone, sample) -> PathResult`: see `samples`."""
     shading_at = shading_function(key.shapes, key.features)
     prepare, _, sample_bsdf = material_functions(key.materials, key.features)
+    closest, closest_after, _ = ray_functions(key.sdfs)
     met = met_function(key)
     aimed = aimed_function(key)
     glow = glow_function(key)
@@ -84,7 +46,12 @@ def radiance_function(key: PathKey) -> wp.Function:
 
     @wp.func
     def radiance(
-        scene: DeviceScene, request: PathRequest, camera_ray: Ray, camera_cone: wp.vec2, sample: SampleStream
+        scene: DeviceScene,
+        request: PathRequest,
+        camera_ray: Ray,
+        first_hit: Hit,
+        camera_cone: wp.vec2,
+        sample: SampleStream,
     ) -> PathResult:
         result = PathResult()
         cone = camera_cone
@@ -97,8 +64,7 @@ def radiance_function(key: PathKey) -> wp.Function:
         depth = wp.int32(0)
         step = wp.int32(0)
         passed_t = -INFINITY
-        hit = closest(scene, ray)
-        result.rays = wp.vec3i(1, 0, 0)
+        hit = first_hit
 
         while step < request.bounces + MOST_PASSES:
             # 1. Lights that the ray meets on its way. They occlude nothing.
@@ -179,60 +145,3 @@ def radiance_function(key: PathKey) -> wp.Function:
         return result
 
     return radiance
-
-
-@cache
-def path_kernel(key: PathKey) -> wp.Kernel:
-    """The kernel for a key; item i is pixel i in rows from the top, which no other item writes."""
-    camera_ray = camera_ray_function(key.camera)
-    radiance = radiance_function(key)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def path(first: wp.int32, scene: DeviceScene, camera: CameraRecord, request: PathRequest, film: FilmRecord):
-        pixel = first + wp.tid()
-        x = pixel % camera.width
-        y = pixel // camera.width
-        total = film.sums[y, x]
-        squares = film.squares[y, x]
-        replicates = film.replicates[y, x]
-        rays = film.rays[y, x]
-        kept = wp.int32(0)
-        for s in range(request.samples):
-            sample = sample_stream(request.seed, pixel, request.first_sample + s, request.sobol)
-            u = random_pair(sample, -1, DIMENSION_PIXEL)
-            px = wp.float32(x) + 0.5 + filter_offset(film.filter_table, u[0])
-            py = wp.float32(y) + 0.5 + filter_offset(film.filter_table, u[1])
-            ray = camera_ray(camera, px, py, random_pair(sample, -1, DIMENSION_LENS))
-            result = radiance(scene, request, ray, pixel_cone(camera) * FOOTPRINT, sample)
-            rays += result.rays
-            if is_finite(result.radiance):
-                value = wp.vec3d(
-                    wp.float64(result.radiance[0]),
-                    wp.float64(result.radiance[1]),
-                    wp.float64(result.radiance[2]),
-                )
-                total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
-                squares += wp.cw_mul(value, value)
-                replicates[(request.first_sample + s) % REPLICATES] += wp.float64(luminance(result.radiance))
-                kept += 1
-        film.sums[y, x] = total
-        film.squares[y, x] = squares
-        film.replicates[y, x] = replicates
-        film.rays[y, x] = rays
-        film.samples[y, x] = film.samples[y, x] + kept
-        film.dropped[y, x] = film.dropped[y, x] + request.samples - kept
-
-    return path
-
-
-def launch_path(
-    key: PathKey,
-    scene: DeviceScene,
-    camera: CameraRecord,
-    request: PathRequest,
-    film: FilmRecord,
-    device: str,
-    threads: int | None,
-) -> None:
-    """Add `request.samples` samples to every pixel."""
-    launch(path_kernel(key), camera.width * camera.height, [scene, camera, request, film], device, threads)

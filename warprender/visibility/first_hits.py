@@ -14,7 +14,8 @@ from ..launch import launch, launch_pixels
 from ..numerics import linear_of, translation_of
 from ..records import NOT_DRAWN, CameraRecord, DeviceScene, GeometryRecord, Hit, World
 from .raster import DrawList, Raster, Triangles
-from .rays import closest, miss
+from .rays import miss
+from .sdf import ray_functions
 
 
 class FirstHits(Protocol):
@@ -30,9 +31,16 @@ class FirstHits(Protocol):
 class RayHits:
     """First hits by one ray a pixel."""
 
-    def __init__(self, scene: DeviceScene, camera: CameraRecord, effects: tuple[str, ...], device: str) -> None:
-        """`effects` are the camera's, by name."""
-        self._kernel = _ray_kernel(effects)
+    def __init__(
+        self,
+        scene: DeviceScene,
+        camera: CameraRecord,
+        effects: tuple[str, ...],
+        device: str,
+        sdfs: tuple[wp.Function, ...] = (),
+    ) -> None:
+        """`effects` are the camera's, by name; `sdfs` the signed distance functions that occur."""
+        self._kernel = _ray_kernel(effects, sdfs)
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
         self.follow(scene, camera)
 
@@ -65,6 +73,7 @@ class RasterHits:
         effects: tuple[str, ...],
         device: str,
         painter: bool = False,
+        sdfs: tuple[wp.Function, ...] = (),
     ) -> None:
         """For the instances of a scene, which may move.
 
@@ -78,6 +87,7 @@ class RasterHits:
             effects: the camera's, by name.
             device: of the scene.
             painter: draw by the painter's algorithm, without a depth buffer.
+            sdfs: the signed distance functions that occur; rays find them.
 
         Raises:
             ValueError: more triangles than int32 can number.
@@ -93,7 +103,7 @@ class RasterHits:
         self._balls.boxes = wp.empty(len(self._balls.instances), dtype=wp.vec4i, device=device)
         self._by_ray = wp.zeros((camera.height, camera.width), dtype=wp.uint8, device=device)
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
-        self._kernel = _raster_kernel(effects, bool((radius > 0).any()))
+        self._kernel = _raster_kernel(effects, bool((radius > 0).any()), sdfs)
         self.follow(scene, camera)
 
     def follow(self, scene: DeviceScene, camera: CameraRecord) -> None:
@@ -230,8 +240,9 @@ def _triangles(geometry: GeometryRecord, device: str) -> Triangles:
 
 
 @cache
-def _ray_kernel(effects: tuple[str, ...]) -> wp.Kernel:
+def _ray_kernel(effects: tuple[str, ...], sdfs: tuple[wp.Function, ...]) -> wp.Kernel:
     camera_ray = camera_ray_function(effects)
+    closest, _, _ = ray_functions(sdfs)
 
     @wp.kernel(module="unique", enable_backward=False)
     def ray_hits(
@@ -261,8 +272,10 @@ def draw_of(first_face: wp.array(dtype=wp.int32), face: wp.int32) -> wp.int32:
 
 
 @cache
-def _raster_kernel(effects: tuple[str, ...], with_spheres: bool) -> wp.Kernel:
+def _raster_kernel(effects: tuple[str, ...], by_rays: bool, sdfs: tuple[wp.Function, ...]) -> wp.Kernel:
+    """`by_rays`: whether there are pixels that rays look into."""
     camera_ray = camera_ray_function(effects)
+    closest, _, _ = ray_functions(sdfs)
 
     @wp.kernel(module="unique", enable_backward=False)
     def raster_hits(
@@ -281,7 +294,7 @@ def _raster_kernel(effects: tuple[str, ...], with_spheres: bool) -> wp.Kernel:
         y = begin // camera.width
         for x in range(begin - y * camera.width, begin - y * camera.width + columns):
             hit = miss()
-            if wp.static(with_spheres):
+            if wp.static(by_rays):
                 if by_ray[y, x] != wp.uint8(0):
                     hit = closest(
                         scene, camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))

@@ -9,11 +9,12 @@ from __future__ import annotations
 import warp as wp
 
 from ..launch import launch
-from ..numerics import mat34, mat34d
+from ..numerics import gamma, linear_of, mat34, mat34d, translation_of
 from ..records import NOT_DRAWN, Instance
 
-#: γ(8) of float32: how far rounding of the matrices may move a point, relative to the terms that it is a sum of.
-_GAMMA_8 = 8.0 * 2.0**-24 / (1.0 - 8.0 * 2.0**-24)
+#: γ(12) of float32: how far rounding of the matrices, and of the box itself by its middle and half, may move a point,
+#: relative to the terms that it is a sum of.
+_GAMMA = gamma(12)
 #: |R| |Rᵀ| of a rotation has no row sum above it.
 _ROTATIONS = 3.0
 
@@ -79,8 +80,14 @@ def linear_of_wide(m: mat34d) -> wp.mat33d:
 
 
 @wp.func
-def moved_by(pose: wp.transformd, offset: mat34d) -> mat34d:
-    """Pose ∘ offset; a quaternion of any length counts as its direction, one of none gives NaN."""
+def translation_of_wide(m: mat34d) -> wp.vec3d:
+    """Where the origin goes."""
+    return wp.vec3d(m[0, 3], m[1, 3], m[2, 3])
+
+
+@wp.func
+def rotation_of(pose: wp.transformd) -> wp.mat33d:
+    """A quaternion of any length counts as its direction, one of none gives NaN."""
     q = wp.transform_get_rotation(pose)
     s = wp.float64(1.0) / wp.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     x = q[0] * s
@@ -89,7 +96,7 @@ def moved_by(pose: wp.transformd, offset: mat34d) -> mat34d:
     w = q[3] * s
     one = wp.float64(1.0)
     two = wp.float64(2.0)
-    turn = wp.mat33d(
+    return wp.mat33d(
         one - two * (y * y + z * z),
         two * (x * y - z * w),
         two * (x * z + y * w),
@@ -100,13 +107,23 @@ def moved_by(pose: wp.transformd, offset: mat34d) -> mat34d:
         two * (y * z + x * w),
         one - two * (x * x + y * y),
     )
-    p = wp.transform_get_translation(pose)
-    out = mat34d()
-    for i in range(3):
-        for j in range(4):
-            out[i, j] = turn[i, 0] * offset[0, j] + turn[i, 1] * offset[1, j] + turn[i, 2] * offset[2, j]
-        out[i, 3] += p[i]
-    return out
+
+
+@wp.func
+def single(linear: wp.mat33d, translation: wp.vec3d) -> mat34:
+    """Both parts rounded to float32."""
+    a = wp.mat33(linear)
+    t = wp.vec3(translation)
+    return mat34(a[0, 0], a[0, 1], a[0, 2], t[0], a[1, 0], a[1, 1], a[1, 2], t[1], a[2, 0], a[2, 1], a[2, 2], t[2])
+
+
+@wp.func
+def all_finite(m: mat34) -> bool:
+    """Whether all entries are numbers below infinity: what is not, stays when it is multiplied by 0."""
+    sum = wp.float32(0.0)
+    for a in range(3):
+        sum += m[a, 0] * 0.0 + m[a, 1] * 0.0 + m[a, 2] * 0.0 + m[a, 3] * 0.0
+    return sum == 0.0
 
 
 @wp.func
@@ -129,14 +146,11 @@ def finite_reach(reach: wp.float64) -> wp.float32:
 @wp.func
 def row_sum(a: wp.mat33d, b: wp.mat33d) -> wp.float64:
     """The largest row sum of |a| |b|."""
-    largest = wp.float64(0.0)
-    for i in range(3):
-        total = wp.float64(0.0)
-        for j in range(3):
-            for k in range(3):
-                total += wp.abs(a[i, j]) * wp.abs(b[j, k])
-        largest = wp.max(largest, total)
-    return largest
+    sums = wp.vec3d()
+    for k in range(3):
+        row = wp.abs(b[k])
+        sums += wp.abs(wp.vec3d(a[0, k], a[1, k], a[2, k])) * (row[0] + row[1] + row[2])
+    return wp.max(sums)
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -145,10 +159,15 @@ def _place_instances(
 ):
     i = first + wp.tid()
     shape = rest.shape[i]
-    where = rest.to_world[i]
     body = body_of(attachments, i)
+    linear = linear_of_wide(rest.to_world[i])
+    translation = translation_of_wide(rest.to_world[i])
     if body >= 0:
-        where = moved_by(attachments.poses[attachments.bodies[body]], attachments.offsets[body])
+        pose = attachments.poses[attachments.bodies[body]]
+        turn = rotation_of(pose)
+        linear = turn * linear_of_wide(attachments.offsets[body])
+        translation = turn * translation_of_wide(attachments.offsets[body]) + wp.transform_get_translation(pose)
+    translation = translation - origin
     # How far an error of the object-space position of a ray reaches in the world: |W| |M|. A body may turn any way,
     # and may be posed later.
     reach = wp.float64(0.0)
@@ -156,83 +175,54 @@ def _place_instances(
         for k in range(attachments.first[i], attachments.first[i + 1]):
             offset = linear_of_wide(attachments.offsets[k])
             reach = wp.max(reach, wp.float64(wp.static(_ROTATIONS)) * row_sum(offset, wp.inverse(offset)))
-    linear = linear_of_wide(where)
-    determinant = wp.determinant(linear)
     inverse = wp.inverse(linear)
     place = Instance()
     place.geometry = shape
-    sound = rest.shown[i] != 0 and determinant != wp.float64(0.0)
-    for a in range(3):
-        where[a, 3] -= origin[a]
-    for a in range(3):
-        back = wp.float64(0.0)
-        for b in range(3):
-            place.to_world[a, b] = wp.float32(where[a, b])
-            place.to_object[a, b] = wp.float32(inverse[a, b])
-            back -= inverse[a, b] * where[b, 3]
-        place.to_world[a, 3] = wp.float32(where[a, 3])
-        place.to_object[a, 3] = wp.float32(back)
-        for b in range(4):
-            sound = sound and wp.isfinite(place.to_world[a, b]) and wp.isfinite(place.to_object[a, b])
-    if not sound:
-        nowhere = Instance()
-        nowhere.geometry = shape
-        nowhere.placed = wp.static(NOT_DRAWN)
-        placed.instances[i] = nowhere
-        placed.lowers[i] = wp.vec3()
-        placed.uppers[i] = wp.vec3()
-        placed.drawn[i] = 0
-        placed.reach[i] = finite_reach(reach)
-        return
-
-    scale = shapes.scales[shape]
-    unscaled = place.to_object
-    place.to_object = unscaled * scale
-    place.placed = 0
-    for a in range(3):
-        for b in range(4):
-            if place.to_object[a, b] != _eye[a, b]:
-                place.placed = 1
-    placed.instances[i] = place
-
-    if body < 0 and place.placed != 0:
+    place.to_world = single(linear, translation)
+    unscaled = single(inverse, -(inverse * translation))
+    place.to_object = unscaled * shapes.scales[shape]
+    place.placed = wp.where(place.to_object == _eye, 0, 1)
+    sound = wp.determinant(linear) != wp.float64(0.0) and all_finite(place.to_world) and all_finite(unscaled)
+    if rest.shown[i] == 0 or not sound:
+        place.to_world = mat34()
+        place.to_object = mat34()
+        place.placed = wp.static(NOT_DRAWN)
+    elif body < 0 and place.placed != 0:
         reach = wp.max(reach, row_sum(linear, inverse))
-    placed.reach[i] = finite_reach(reach)
+    lower = translation_of(place.to_world)
+    upper = lower
     lo = shapes.lowers[shape]
     hi = shapes.uppers[shape]
-    if lo[0] > hi[0]:
-        at = wp.vec3(place.to_world[0, 3], place.to_world[1, 3], place.to_world[2, 3])
-        placed.lowers[i] = at
-        placed.uppers[i] = at
-        placed.drawn[i] = 0
-        return
-    placed.drawn[i] = 1
-    lower, upper = placed_box(place.to_world, unscaled, lo, hi)
-    if place.placed == 0:
+    drawn = place.placed != wp.static(NOT_DRAWN) and lo[0] <= hi[0]
+    if drawn:
         lower = lo
         upper = hi
+        if place.placed != 0:
+            lower, upper = placed_box(place.to_world, unscaled, lo, hi)
+    placed.instances[i] = place
     placed.lowers[i] = lower
     placed.uppers[i] = upper
+    placed.drawn[i] = wp.int32(drawn)
+    placed.reach[i] = wp.where(wp.isfinite(wp.float32(reach)), wp.float32(reach), 0.0)
+
+
+@wp.func
+def magnitudes(m: wp.mat33) -> wp.mat33:
+    """Of each entry."""
+    return wp.matrix_from_rows(wp.abs(m[0]), wp.abs(m[1]), wp.abs(m[2]))
 
 
 @wp.func
 def placed_box(w: mat34, m: mat34, lo: wp.vec3, hi: wp.vec3):
     """World box of an object-space box, grown by all that the roundings of either matrix may move its points."""
-    lower = wp.vec3(w[0, 3], w[1, 3], w[2, 3])
-    upper = lower
-    reach = wp.vec3(0.0)
-    for a in range(3):
-        for b in range(3):
-            x = w[a, b] * lo[b]
-            y = w[a, b] * hi[b]
-            lower[a] += wp.min(x, y)
-            upper[a] += wp.max(x, y)
-    far = wp.max(wp.abs(lower), wp.abs(upper))
-    for b in range(3):
-        error = wp.max(wp.abs(lo[b]), wp.abs(hi[b])) + wp.abs(m[b, 3])
-        for c in range(3):
-            error += wp.abs(m[b, c]) * far[c]
-        for a in range(3):
-            reach[a] += wp.abs(w[a, b]) * error
-    grow = (reach + far) * wp.static(_GAMMA_8)
+    linear = linear_of(w)
+    stretch = magnitudes(linear)
+    most = wp.max(wp.abs(lo), wp.abs(hi))
+    middle = linear * (lo * 0.5 + hi * 0.5) + translation_of(w)
+    half = stretch * (hi * 0.5 - lo * 0.5)
+    lower = middle - half
+    upper = middle + half
+    far = stretch * most + wp.abs(translation_of(w))
+    error = most + wp.abs(translation_of(m)) + magnitudes(linear_of(m)) * far
+    grow = (stretch * error + far) * wp.static(_GAMMA)
     return lower - grow, upper + grow

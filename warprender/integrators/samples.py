@@ -1,0 +1,113 @@
+"""What all transports of colour share: the loop over a pixel's samples, and what it asks of a transport.
+
+A transport is a function `radiance(scene, request, ray, hit, cone, sample) -> PathResult`: one estimate of what a
+camera ray sees, whose first hit is known. `cone` is the width of what the ray stands for at its origin, and how fast
+it grows.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import warp as wp
+
+from ..camera import camera_ray_function, pixel_cone
+from ..color import luminance
+from ..film import FilmRecord, filter_offset
+from ..launch import launch
+from ..numerics import is_finite
+from ..records import CameraRecord, DeviceScene
+from ..sampling import DIMENSION_LENS, DIMENSION_PIXEL, REPLICATES, random_pair, sample_stream
+from ..visibility.sdf import ray_functions
+from .lighting import Visible
+
+#: Share of a pixel's width that one sample stands for. The samples average the rest themselves: look-ups this wide
+#: leave a distant texture without aliasing from 16 samples on, and add 1/16 to the variance of the pixel filter.
+FOOTPRINT = wp.constant(wp.float32(0.25))
+
+
+@wp.struct
+class PathRequest:
+    """Runtime values of a pass: which samples, how many bounces, which lights the camera sees."""
+
+    seed: wp.uint32
+    first_sample: wp.int32
+    samples: wp.int32
+    sobol: wp.int32
+    bounces: wp.int32
+    visible: Visible
+
+
+@wp.struct
+class PathResult:
+    """Radiance of one camera ray, its alpha, and the rays traced after its first hit: (0, bounce, shadow)."""
+
+    radiance: wp.vec3
+    alpha: wp.float32
+    rays: wp.vec3i
+
+
+@cache
+def samples_kernel(camera_effects: tuple[str, ...], sdfs: tuple[wp.Function, ...], radiance: wp.Function) -> wp.Kernel:
+    """The kernel of a transport; item i is pixel i in rows from the top, which no other item writes.
+
+    Args:
+        camera_effects: by name.
+        sdfs: the signed distance functions that occur.
+        radiance: from a factory that is cached on its key: the same function gives the same kernel.
+    """
+    camera_ray = camera_ray_function(camera_effects)
+    closest, _, _ = ray_functions(sdfs)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def samples(first: wp.int32, scene: DeviceScene, camera: CameraRecord, request: PathRequest, film: FilmRecord):
+        pixel = first + wp.tid()
+        x = pixel % camera.width
+        y = pixel // camera.width
+        total = film.sums[y, x]
+        squares = film.squares[y, x]
+        replicates = film.replicates[y, x]
+        rays = film.rays[y, x]
+        kept = wp.int32(0)
+        for s in range(request.samples):
+            sample = sample_stream(request.seed, pixel, request.first_sample + s, request.sobol)
+            u = random_pair(sample, -1, DIMENSION_PIXEL)
+            px = wp.float32(x) + 0.5 + filter_offset(film.filter_table, u[0])
+            py = wp.float32(y) + 0.5 + filter_offset(film.filter_table, u[1])
+            ray = camera_ray(camera, px, py, random_pair(sample, -1, DIMENSION_LENS))
+            result = radiance(scene, request, ray, closest(scene, ray), pixel_cone(camera) * FOOTPRINT, sample)
+            rays += wp.vec3i(1, 0, 0) + result.rays
+            if is_finite(result.radiance):
+                value = wp.vec3d(
+                    wp.float64(result.radiance[0]),
+                    wp.float64(result.radiance[1]),
+                    wp.float64(result.radiance[2]),
+                )
+                total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
+                squares += wp.cw_mul(value, value)
+                replicates[(request.first_sample + s) % REPLICATES] += wp.float64(luminance(result.radiance))
+                kept += 1
+        film.sums[y, x] = total
+        film.squares[y, x] = squares
+        film.replicates[y, x] = replicates
+        film.rays[y, x] = rays
+        film.samples[y, x] = film.samples[y, x] + kept
+        film.dropped[y, x] = film.dropped[y, x] + request.samples - kept
+
+    return samples
+
+
+def launch_samples(
+    camera_effects: tuple[str, ...],
+    sdfs: tuple[wp.Function, ...],
+    radiance: wp.Function,
+    scene: DeviceScene,
+    camera: CameraRecord,
+    request: PathRequest,
+    film: FilmRecord,
+    device: str,
+    threads: int | None,
+) -> None:
+    """Add `request.samples` samples of a transport to every pixel."""
+    kernel = samples_kernel(camera_effects, sdfs, radiance)
+    launch(kernel, camera.width * camera.height, [scene, camera, request, film], device, threads)
