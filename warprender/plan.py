@@ -213,10 +213,10 @@ def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> 
     return "raster" if raster < rays else "rays", f"{faces} triangles, {pixels} pixels: {milliseconds}"
 
 
-def covers(wide: object, narrow: object) -> bool:
+def covers(wide: PathKey | OutputsKey | None, narrow: PathKey | OutputsKey | None) -> bool:
     """Whether the kernel of one key draws all that another key asks for, to the bit: it has more compiled in."""
-    if type(wide) is not type(narrow):
-        return False
+    if wide is None or narrow is None:
+        return wide is narrow
     for part in fields(wide):
         more, less = getattr(wide, part.name), getattr(narrow, part.name)
         if part.name in ("outputs", "sdfs") or not isinstance(more, (tuple, bool)):

@@ -49,7 +49,7 @@ class Placed:
     @cached_property
     def boxes(self) -> np.ndarray:
         """(instances, 2, 3) float64 boxes relative to the origin; NaN for what is not drawn."""
-        return self.world.boxes().astype(np.float64)
+        return self.world.boxes()
 
     @cached_property
     def places(self) -> np.ndarray:

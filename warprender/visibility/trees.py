@@ -41,7 +41,7 @@ class WideTree:
         if not 0 < depth <= native.MAX_DEPTH:
             raise RuntimeError("Warp built a tree that the watertight walk cannot read")
         self.bytes = self.count * native.NODE_BYTES + self.blocks * leaf_bytes
-        self.summary = wp.zeros(7, dtype=wp.float32, device="cpu")
+        self.summary = wp.zeros(14, dtype=wp.float32, device="cpu")
 
     def box_inner(self):
         """Box the inner nodes; the leaves' boxes must stand."""
@@ -58,6 +58,19 @@ class WideTree:
     def visits(self):
         """Nodes and leaves that a ray through the tree is expected to visit (surface area heuristic)."""
         return float(self.summary.numpy()[6])
+
+    def is_built(self):
+        """Compare from now on with the boxes as they are."""
+        self.visits_built = self.visits
+        self.summary.numpy()[8:] = self.summary.numpy()[:6]
+
+    @property
+    def has_degraded(self):
+        """Whether building anew should pay: refitted trees lose quality.
+
+        Rays are taken through the whole box as it is, and as it was at the build.
+        """
+        return bool((self.summary.numpy()[6:8] > REBUILD_AT * self.visits_built).any())
 
     @property
     def box(self):
@@ -106,7 +119,7 @@ class MeshTree:
             self._wide = WideTree(0, self.mesh.id, len(self.indices) // 3)
             self.mesh = self._tree_points = self._tree_indices = self._bad = None
             self._fill()
-            self._visits_built = self._wide.visits
+            self._wide.is_built()
 
     def refit(self):
         """Follow moved points; build again when that pays or the scale calls for it."""
@@ -115,7 +128,7 @@ class MeshTree:
         elif self.wide:
             self._fill()
             largest = np.abs(self._wide.box).max() / self.scale
-            if self._wide.visits > REBUILD_AT * self._visits_built or _scale_for(largest) != self.scale:
+            if self._wide.has_degraded or _scale_for(largest) != self.scale:
                 self.build()
         else:
             self._refit_mesh()

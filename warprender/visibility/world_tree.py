@@ -10,7 +10,7 @@ import warp as wp
 from ..numerics import mat34d
 from ..records import Geometry, Instance, World
 from .placing import Attachments, Placed, Rest, Shapes, launch_placing
-from .trees import REBUILD_AT, MeshTree, SphereShape, WideTree
+from .trees import MeshTree, SphereShape, WideTree
 
 
 class WorldTree:
@@ -99,13 +99,13 @@ class WorldTree:
         self._bvh.refit()
         if self._wide is not None:
             self._wide.box_items(self._placed.lowers, self._placed.uppers)
-            if self._wide.visits > REBUILD_AT * self._visits_built:
+            if self._wide.has_degraded:
                 self._build()
         self._record()
 
     def boxes(self) -> np.ndarray:
-        """(I, 2, 3) float32 boxes relative to the origin; NaN for what is not drawn. Asks the device."""
-        boxes = np.stack([self._placed.lowers.numpy(), self._placed.uppers.numpy()], 1)
+        """(I, 2, 3) float64 boxes relative to the origin; NaN for what is not drawn. Asks the device."""
+        boxes = np.stack([self._placed.lowers.numpy(), self._placed.uppers.numpy()], 1).astype(np.float64)
         boxes[self._placed.drawn.numpy() == 0] = np.nan
         return boxes
 
@@ -129,7 +129,7 @@ class WorldTree:
             if self.device.is_cpu:
                 self._wide = WideTree(1, self._bvh.id, self._count)
                 self._wide.box_items(lowers, uppers)
-                self._visits_built = self._wide.visits
+                self._wide.is_built()
         self._record()
 
     def _record(self) -> None:
