@@ -67,12 +67,13 @@ def test_defaults_are_those_of_usdrecord(recorder, tmp_path, capsys):
         {
             "stage": "a.usda",
             "time": None,
-            "purposes": ["proxy"],
+            "purposes": None,
             "variants": None,
             "mask": None,
             "session_layer": None,
             "complexity": "low",
             "render_settings": None,
+            "render_pass": None,
             "draw_modes": True,
         }
     ]
@@ -107,6 +108,7 @@ def test_every_flag_arrives(recorder):
         "session_layer": "s.usda",
         "complexity": "high",
         "render_settings": "/Render/settings",
+        "render_pass": None,
         "draw_modes": False,
     }
     (renderer,) = recorder.renderers
@@ -211,11 +213,12 @@ def test_errors_are_one_line_and_come_before_the_render(recorder, capsys, argume
 @pytest.mark.parametrize(
     "arguments",
     [
-        [], ["paint"], ["render", "a.usda"], ["render", "a", "b.png", "--samples", "0"],
+        [], ["paint"], ["render"], ["render", "a", "b.png", "--samples", "0"],
         ["render", "a", "b.png", "--resolution", "10"], ["render", "a", "b.png", "--resolution", "0x5"],
         ["render", "a", "b.png", "--error", "nan"], ["render", "a", "b.png", "--frames", "x"],
         ["render", "a", "b.png", "--variant", "a=b"], ["render", "a", "b.png", "-d", "-f", "1"],
         ["render", "a", "b.png", "-w", "5", "--resolution", "5x5"], ["render", "a", "b.png", "-c", "ultra"],
+        ["render", "a", "b.png", "-rs", "/a", "-rp", "/b"], ["render", "a", "b.png", "--resolver", "other"],
     ],
 )  # fmt: skip
 def test_wrong_usage_exits_with_2(arguments, capsys):
@@ -237,6 +240,31 @@ def test_plan_as_text_and_as_json(recorder, capsys):
     ]
     assert main(["plan", "a.usda", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"key": {"lights": ["dome"]}}
+    assert not recorder.renders
+
+
+def test_flags_that_change_nothing_say_so(recorder, capsys):
+    assert main(["render", "a.usda", "a.png", "-w", "2", "--memstats", "--resolver", "inherit", "-r", "Storm"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split(": ")[2].split()[0] for line in lines] == ["--renderer", "--resolver", "--memstats"]
+    assert all("read and ignored" in line for line in lines)
+
+
+@pytest.mark.parametrize("form", ["chrome", "trace"])
+def test_usds_own_trace_is_written(recorder, tmp_path, monkeypatch, form):
+    from pxr import Usd
+
+    monkeypatch.setattr(recorder, "load", lambda *_, **__: (Usd.Stage.CreateInMemory(), recorder.scene)[1])
+    assert main(["render", "a.usda", "a.png", "-w", "2", "--traceToFile", "t", "--traceFormat", form]) == 0
+    text = (tmp_path / "t").read_text()
+    assert "UsdStage" in text
+    if form == "chrome":
+        assert json.loads(text)
+
+
+def test_a_trace_that_cannot_be_written_is_an_error(recorder, capsys):
+    assert main(["render", "a.usda", "a.png", "-w", "2", "--traceToFile", "no/t"]) == 1
+    assert "no/t: the folder no does not exist" in capsys.readouterr().err
     assert not recorder.renders
 
 

@@ -136,3 +136,38 @@ def test_what_is_no_image_is_named(tmp_path):
         with pytest.raises(ValueError, match="cannot be read") as problem:
             images.read(tmp_path / name)
         assert str(tmp_path / name) in str(problem.value)
+
+
+CONFIGURATION = """ocio_profile_version: 2
+roles: { scene_linear: aces, default: aces }
+displays:
+  screen: [ !<View> {name: root, colorspace: root} ]
+file_rules: [ !<Rule> {name: Default, colorspace: aces} ]
+colorspaces:
+  - !<ColorSpace>
+    name: aces
+  - !<ColorSpace>
+    name: lin_rec709
+    to_scene_reference: !<MatrixTransform> {matrix: [0.25, 0, 0, 0, 0, 0.25, 0, 0, 0, 0, 0.25, 0, 0, 0, 0, 1]}
+  - !<ColorSpace>
+    name: root
+    from_scene_reference: !<ExponentTransform> {value: [0.5, 0.5, 0.5, 1]}
+"""
+
+
+def test_open_color_io_takes_the_default_view_of_linear_rec709(tmp_path, monkeypatch):
+    (tmp_path / "config.ocio").write_text(CONFIGURATION)
+    monkeypatch.setenv("OCIO", str(tmp_path / "config.ocio"))
+    rgba = np.random.default_rng(0).random((5, 4, 4)).astype(np.float32) * 4
+    rgba[..., 3] = 0.5
+    expected = np.sqrt(rgba[..., :3].astype(np.float64) / 4) * 255
+    seen = images.display_bytes(rgba, "openColorIO")
+    assert np.abs(seen[..., :3] - expected).max() <= 0.5 + 255 * 2**-15, "half a step and OpenColorIO's fast roots"
+    assert (seen[..., 3] == 128).all()
+
+
+@pytest.mark.parametrize(("value", "message"), [("", "OCIO names no configuration"), ("/no/such.ocio", "such.ocio")])
+def test_open_color_io_needs_a_configuration(monkeypatch, value, message):
+    monkeypatch.setenv("OCIO", value)
+    with pytest.raises(ValueError, match=message):
+        images.check_color_correction("openColorIO")

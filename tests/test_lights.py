@@ -301,7 +301,7 @@ def test_a_light_without_size_or_power_is_never_chosen(light):
     upload = Upload(scene, {"/a": light, "/b": good, "/c": light}, np.zeros(3), "cpu")
     np.testing.assert_array_equal(upload.record.lights.numpy()["choice"], (0, 1, 0))
     np.testing.assert_array_equal(upload.record.light_cdf.numpy(), 1)
-    np.testing.assert_array_equal(upload.record.light_nodes.numpy()["child"], -1 - 1)
+    np.testing.assert_array_equal(upload.record.light_leaves.numpy()["light"], 1)
     scene.lights = {"/a": light, "/b": good}
     singular = light.transform[1, 1] == 0
     assert list(lit(scene, camera_light=False)) == (["/a", "/b"] if singular else ["/b"])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from chance import polygon_irradiance
+from chance import SIGMAS, polygon_irradiance
 from light_scenes import assert_illuminance, floor, illuminance, pose
 from scenes import cube, icosphere
 from usd_stage import scene_of
@@ -32,13 +32,60 @@ def test_a_glowing_mesh_is_aimed_at():
     assert_illuminance(scene, expected() * np.array([3, 2, 1.0]), within=0.01)
 
 
-def test_a_glowing_mesh_converges_as_a_rect_light_does():
-    by_mesh, by_light = floor(), floor(RectLight(width=0.6, height=0.4, transform=pose((0.1, 0, 1.0))))
-    corners = [(-0.2, -0.2, 1), (-0.2, 0.2, 1), (0.4, 0.2, 1), (0.4, -0.2, 1)]
-    by_mesh.add_mesh("/lamp", corners, [[0, 1, 2, 3]], material=glow(1, 1, 1))
-    (_, mesh_error), (_, light_error) = illuminance(by_mesh), illuminance(by_light)
-    # Uniform in area against uniform in solid angle: a little more noise, and not that of chance.
-    assert mesh_error[0] < 4 * light_error[0]
+@pytest.mark.parametrize(("width", "height", "z"), [(0.6, 0.4, 1.0), (2.0, 2.0, 0.5), (4.0, 4.0, 0.05)])
+@pytest.mark.parametrize("cells", [1, 8])
+def test_a_glowing_mesh_converges_as_a_rect_light_does(width, height, z, cells):
+    by_mesh, by_light = floor(), floor(RectLight(width=width, height=height, transform=pose((0.1, 0, z))))
+    x, y = np.linspace(-0.5, 0.5, cells + 1) * width + 0.1, np.linspace(-0.5, 0.5, cells + 1) * height
+    points = [(a, b, z) for a in x for b in y]
+    corner = np.array([(i * (cells + 1) + j) for i in range(cells) for j in range(cells)])
+    faces = corner[:, None] + (0, 1, cells + 2, cells + 1)
+    by_mesh.add_mesh("/lamp", points, faces, material=glow(1, 1, 1))
+    options = {"sampler": "independent"}
+    (mesh, mesh_error), (light, light_error) = illuminance(by_mesh, **options), illuminance(by_light, **options)
+    assert abs(mesh[0] - light[0]) < SIGMAS * np.hypot(mesh_error[0], light_error[0])
+    # Both uniform in solid angle; among two triangles the tree chooses by what each may send, among many better.
+    assert mesh_error[0] < 1.8 * light_error[0]
+
+
+@pytest.mark.parametrize("outwards", [1, -1])
+@pytest.mark.parametrize("both_sides", [False, True])
+def test_a_closed_mesh_is_aimed_at_from_outside(both_sides, outwards):
+    points, faces = icosphere(2)
+    placed = points * 0.3 * (1, 1.5, 0.7) + (0.4, 0, 1.5)
+    scene = floor(MeshLight(prim="/lamp", intensity=2.0, bothSides=both_sides))
+    pose_of_lamp = pose((0.4, 0, 1.5), scale=(0.3, 0.45, 0.21))
+    scene.add_mesh("/lamp", points, faces[:, ::outwards], color=(0, 0, 0), pose=pose_of_lamp)
+    corners = placed[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    seen = corners[np.sum(normals * corners[:, 0], 1) < 0]
+    expected = 2.0 * sum(polygon_irradiance(np.zeros(3), np.array([0, 0, 1.0]), c) for c in seen)
+    dark = outwards < 0 and not both_sides
+    assert_illuminance(scene, 0.0 if dark else expected, within=0.03)
+
+
+def test_a_cube_without_a_face_is_aimed_at_from_both_sides():
+    # Open: from the floor the inside is seen through the missing bottom.
+    points, faces = cube(1.0)
+    scene = floor(MeshLight(prim="/lamp", intensity=2.0, bothSides=True))
+    bottom = [face for face in faces if np.all(points[face][:, 2] < 0)]
+    rest = [face for face in faces if face not in bottom]
+    scene.add_mesh("/lamp", points, rest, color=(0, 0, 0), pose=pose((0, 0, 0.8)))
+    window = [(-0.5, -0.5, 0.3), (0.5, -0.5, 0.3), (0.5, 0.5, 0.3), (-0.5, 0.5, 0.3)]
+    assert_illuminance(scene, 2.0 * expected(window))
+
+
+def test_many_triangles_share_leaves(monkeypatch):
+    points, faces = icosphere(3)
+    found = []
+    for most in (2**16, 100):
+        monkeypatch.setattr("warprender.upload_lights.MOST_LEAVES", most)
+        scene = floor()
+        scene.add_mesh("/lamp", points, faces, material=glow(1, 2, 3), pose=pose((0.4, 0, 1.5), scale=0.3))
+        found.append(illuminance(scene, samples=1024))
+    (each, each_error), (shared, shared_error) = found
+    assert (np.abs(each - shared) < SIGMAS * np.hypot(each_error, shared_error)).all()
+    assert each_error[0] < shared_error[0] < 0.02 * shared[0]
 
 
 @pytest.mark.parametrize("scale", [(1, 1, 1), (2.0, 0.3, 0.7)])

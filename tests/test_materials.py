@@ -3,96 +3,16 @@
 import numpy as np
 import pytest
 import warp as wp
+from brdf_tables import few_cells, lobes
+from bsdfs import DELTA, PASS, SCATTER, evaluated, hemisphere, sampled, towards, weights
 from chance import SIGMAS, chi_square
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import warprender as wr
-from warprender.materials import MATERIALS
 from warprender.materials.albedo import albedo_table
-from warprender.materials.dispatch import material_functions
 from warprender.materials.microfacet import ggx_density
-from warprender.records import BsdfSample, BsdfValue, DeviceScene, Surface
 from warprender.sampling import ggx_visible_normal
-from warprender.upload import Upload
-
-ABSORB, SCATTER, DELTA, PASS = range(4)
-
-
-def kernels():
-    prepare, evaluate, sample = material_functions(tuple(sorted(kind.__name__ for kind in MATERIALS)))
-
-    @wp.func
-    def surface_seen_from(wo: wp.vec3) -> Surface:
-        surface = Surface()
-        surface.normal = wp.vec3(0.0, 0.0, 1.0)
-        surface.geometric_normal = surface.normal
-        surface.outgoing = wo
-        surface.material = 1
-        return surface
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def evaluate_all(
-        scene: DeviceScene,
-        wo: wp.array(dtype=wp.vec3),
-        wi: wp.array(dtype=wp.vec3),
-        out: wp.array(dtype=BsdfValue),
-    ):
-        i = wp.tid()
-        out[i] = evaluate(scene, prepare(scene, surface_seen_from(wo[i])), wo[i], wi[i])
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def sample_all(
-        scene: DeviceScene,
-        wo: wp.array(dtype=wp.vec3),
-        u: wp.array(dtype=wp.vec3),
-        out: wp.array(dtype=BsdfSample),
-    ):
-        i = wp.tid()
-        bsdf = prepare(scene, surface_seen_from(wo[i]))
-        out[i] = sample(scene, bsdf, wo[i], wp.vec2(u[i][0], u[i][1]), u[i][2])
-
-    return evaluate_all, sample_all
-
-
-EVALUATE, SAMPLE = kernels()
-
-
-def run(kernel, material, wo, values, dtype):
-    scene = wr.Scene()
-    scene.materials["/look"] = material
-    held = Upload(scene, {}, np.zeros(3), "cpu")
-    held.record.display_color = held.record.display_opacity = -1
-    values = np.asarray(values, np.float32)
-    wo = np.broadcast_to(np.asarray(wo, np.float32), values.shape)
-    out = wp.empty(len(values), dtype=dtype)
-    wp.launch(kernel, len(values), [held.record, wp.array(wo, dtype=wp.vec3), wp.array(values, dtype=wp.vec3), out])
-    return out.numpy()
-
-
-def evaluated(material, wo, wi):
-    return run(EVALUATE, material, wo, wi, BsdfValue)
-
-
-def sampled(material, wo, n=1 << 15, seed=0):
-    return run(SAMPLE, material, wo, np.random.default_rng(seed).random((n, 3), np.float32), BsdfSample)
-
-
-def weights(samples):
-    """Value of f cos θ / pdf of each sample: (N, 3), 0 where it was absorbed."""
-    weight = samples["diffuse"].astype(float) + samples["specular"]
-    return np.where((samples["event"] == ABSORB)[:, None], 0.0, weight)
-
-
-def towards(cosine, phi=0.3):
-    sine = np.sqrt(1 - np.square(cosine))
-    return np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), cosine), -1)
-
-
-def hemisphere(n, seed=2):
-    rng = np.random.default_rng(seed)
-    return towards(rng.random(n), 2 * np.pi * rng.random(n))
-
 
 LOOKS = {
     "display": wr.DisplayColor(color=(0.2, 0.5, 0.8)),
@@ -105,6 +25,8 @@ LOOKS = {
     "glass": wr.PreviewSurface(opacity=0.25, roughness=0.35),
     "present by half": wr.PreviewSurface(opacity=0.5, opacityMode="presence", roughness=0.35),
     "delta coat": wr.PreviewSurface(roughness=0.5, clearcoat=0.7, clearcoatRoughness=0.0),
+    "measured": wr.MeasuredBRDF(lobes()),
+    "measured, few cells": wr.MeasuredBRDF(few_cells()),
 }
 COSINES = (1.0, 0.7, 0.2)
 
@@ -239,7 +161,9 @@ def test_roughness_below_a_delta_lobes_is_a_mirror():
         ).all()
 
 
-@pytest.mark.parametrize("look", ["plastic", "metal", "coated", "glass", "delta coat"])
+@pytest.mark.parametrize(
+    "look", ["plastic", "metal", "coated", "glass", "delta coat", "measured", "measured, few cells"]
+)
 def test_degenerate_directions_give_numbers(look):
     # S9: no half-vector, grazing to the last bit, and the normal itself.
     edge = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, 0, 1), towards(1e-7), towards(1e-7, 0.3 + np.pi), towards(1e-20)]

@@ -369,7 +369,7 @@ def test_a_replaced_array_is_refused_by_the_name_of_its_prim():
         scene = cloth(wave(0.0))
         renderer = aovs(scene)
         scene.meshes["/cloth"].points = other
-        with pytest.raises(wr.SceneError, match="^/cloth: .*replaced"):
+        with pytest.raises(wr.SceneError, match=r"^/cloth: .*replaced"):
             renderer.update()
 
 

@@ -112,6 +112,57 @@ def test_blend_shapes_come_before_the_joints():
     np.testing.assert_allclose(points, [[0, 0, 0], [1, 1, 2], [0, 1, 0]], atol=1e-6)
 
 
+SHAPES = """uniform token[] skel:blendShapes = ["up"]
+    rel skel:blendShapeTargets = </r/m/up>
+    def BlendShape "up" { uniform vector3f[] offsets = [(0, 0, 4), (0, 0, 8)]
+        uniform vector3f[] normalOffsets = [(0, 0, 2), (-2, 4, 0)]
+        uniform int[] pointIndices = [1, 2]
+        %s }"""
+
+
+@pytest.mark.parametrize("corners", [False, True])
+def test_blend_shapes_bend_normals_before_the_joints_turn_them(corners):
+    text = RIG % (SHAPES % "")
+    if corners:
+        normals = "normal3f[] normals = [(1, 0, 0), (1, 0, 0), (1, 0, 0)]"
+        text = text.replace(normals, normals + ' ( interpolation = "faceVarying" )')
+        text = text.replace("faceVertexIndices = [0, 1, 2]", "faceVertexIndices = [0, 2, 1]")
+    values = scene_of(text).meshes["/r/m"].normals.values
+    # Half of the offsets: (1, 0, 1) and (0, 2, 0); the joint takes x to y and y to -x.
+    expected = np.array([[1, 0, 0], [0, 0.5**0.5, 0.5**0.5], [-1, 0, 0]])
+    np.testing.assert_allclose(values, expected[[0, 2, 1]] if corners else expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("weight", "height"), [(0.125, 2.0), (0.25, 4.0), (0.5, 4 / 3), (1.0, -4.0), (1.5, -28 / 3), (-0.25, -4.0)]
+)
+def test_shapes_in_between_are_passed_through(weight, height):
+    """Offset 4 at weight 1/4 and -4 at 1: straight lines between them, and on beyond the ends."""
+    between = "uniform vector3f[] inbetweens:b = [(0, 0, 4), (0, 0, 4)] ( weight = 0.25 )"
+    text = RIG % (SHAPES % between).replace("[(0, 0, 4), (0, 0, 8)]", "[(0, 0, -4), (0, 0, -4)]")
+    points = (
+        scene_of(text.replace("blendShapeWeights = [0.5]", f"blendShapeWeights = [{weight}]")).meshes["/r/m"].points
+    )
+    np.testing.assert_allclose(points[:, 2], [0, height, height], atol=1e-5)
+
+
+def test_blend_shapes_without_joints_bend_normals_too():
+    text = (RIG % (SHAPES % "")).replace("int[] primvars:skel:jointIndices", "int[] unused")
+    text = text.replace("float[] primvars:skel:jointWeights", "float[] unread")
+    mesh = scene_of(text).meshes["/r/m"]
+    np.testing.assert_allclose(mesh.points, [[0, 0, 0], [2, 0, 2], [2, 1, 4]], atol=1e-6)
+    np.testing.assert_allclose(mesh.normals.values, [[1, 0, 0], [1, 0, 1], [0, 2, 0]], atol=1e-6)
+
+
+def test_blend_shapes_that_do_not_fit_are_named():
+    text = RIG % (SHAPES % "").replace("pointIndices = [1, 2]", "pointIndices = [1, 7]")
+    scene = scene_of(text)
+    assert scene.warnings == ["/r/m: blend shape 0 does not fit its points"]
+    text = RIG % (SHAPES % "").replace("normalOffsets = [(0, 0, 2), (-2, 4, 0)]", "normalOffsets = [(0, 0, 2)]")
+    scene = scene_of(text)
+    assert scene.warnings == ["/r/m: blend shape 0 does not fit its normals"]
+
+
 def test_joint_indices_out_of_range_leave_the_rest_pose_with_a_warning():
     scene = scene_of((RIG % "").replace("[0, 1, 1] (", "[0, 1, 9] ("))
     np.testing.assert_allclose(scene.meshes["/r/m"].points, [[0, 0, 0], [2, 0, 0], [2, 1, 0]])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scenes
+from brdf_tables import lobes
 
 import warprender as wr
 from warprender.plan import everything
@@ -52,7 +53,34 @@ def textures_under_the_camera_light():
     return scene, scenes.camera((0, -3, 2))
 
 
-BUILDERS = (mesh_under_a_rect_light, glossy_spheres_in_a_dome, glass_through_a_lens, textures_under_the_camera_light)
+def a_measured_ball_under_a_lamp():
+    scene = wr.Scene()
+    scene.add_sphere("/ball", material=wr.MeasuredBRDF(lobes()))
+    scene.add_light(wr.SphereLight(radius=0.5, intensity=9.0), pose=(2, 2, 2, 0, 0, 0, 1))
+    scene.add_light(wr.DomeLight(intensity=0.3))
+    return scene, scenes.camera((0, 0, 5))
+
+
+def coloured_glass_around_a_lamp():
+    scene = wr.Scene()
+    amber = {"attenuationColor": (0.9, 0.6, 0.2), "attenuationDistance": 0.5}
+    scene.add_sphere("/smooth", 0.8, material=wr.Dielectric(**amber), pose=(-0.9, 0, 0, 0, 0, 0, 1))
+    scene.add_mesh("/rough", *scenes.cube(1.0), material=wr.Dielectric(roughness=0.5), pose=(0.9, 0, 0, 0, 0, 0, 1))
+    points, faces = scenes.quad(3.0, -1.0)
+    scene.add_mesh("/behind", points, faces, color=(0.5, 0.7, 0.6))
+    scene.add_light(wr.SphereLight(radius=0.4, intensity=9.0), pose=(0, 2, 2, 0, 0, 0, 1))
+    scene.add_light(wr.SphereLight(radius=0.2, intensity=5.0), pose=(-0.9, 0, 0, 0, 0, 0, 1))
+    return scene, scenes.camera((0, 0, 5))
+
+
+BUILDERS = (
+    mesh_under_a_rect_light,
+    glossy_spheres_in_a_dome,
+    glass_through_a_lens,
+    textures_under_the_camera_light,
+    a_measured_ball_under_a_lamp,
+    coloured_glass_around_a_lamp,
+)
 
 
 @pytest.mark.parametrize("build", BUILDERS)

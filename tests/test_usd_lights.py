@@ -191,10 +191,28 @@ def test_attributes_without_an_effect_are_not_named():
 def test_lights_that_cannot_be_drawn_are_named():
     scene = scene_of(
         """def PluginLight "c" { } def SphereLight "n" { float inputs:intensity = nan }
-        def PortalLight "p" { } def DomeLight "d" { rel portals = </p> }"""
+        def PortalLight "p" { } def DomeLight "d" { }"""
     )
     assert list(scene.lights) == ["/d"]
     assert {line.split(":")[0] for line in scene.warnings} == {"/c", "/n", "/p"}
+
+
+def test_domes_have_the_portals_that_they_name():
+    scene = scene_of(
+        """def DomeLight "d" { rel portals = [</room/a>, </room/b>, </d>] }
+        def Xform "room" {
+            double3 xformOp:translate = (0, 1, 0)
+            uniform token[] xformOpOrder = ["xformOp:translate"]
+            def PortalLight "a" { float inputs:width = 3
+                float inputs:height = 2 }
+            def PortalLight "b" { float inputs:intensity = 5 }
+            def PortalLight "c" { float inputs:width = inf } }"""
+    )
+    first, second = scene.lights["/d"].portals
+    assert (first.width, first.height, second.width, second.height) == (3, 2, 1, 1)
+    np.testing.assert_array_equal(first.transform[3, :3], (0, 1, 0))
+    named = [line.split(":")[0] for line in scene.warnings]
+    assert sorted(named) == ["/d", "/room/b", "/room/c"]
 
 
 def test_flat_lights_need_no_height():

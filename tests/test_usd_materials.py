@@ -2,6 +2,8 @@
 
 from usd_stage import scene_of
 
+import warprender as wr
+
 
 def material(name: str, inputs: str = "", output: str = "outputs:surface") -> str:
     return f"""def Material "{name}" {{ token {output}.connect = </{name}/s.outputs:surface>
@@ -68,11 +70,10 @@ def test_full_beats_all_purpose_and_preview_serves_when_nothing_else_does():
 
 def test_a_surface_that_is_not_drawn_is_named_and_falls_back():
     scene = scene_of(
-        material("A").replace("UsdPreviewSurface", "ND_standard_surface_surfaceshader")
-        + sphere("x", "rel material:binding = </A>")
+        material("A").replace("UsdPreviewSurface", "ND_disney_principled") + sphere("x", "rel material:binding = </A>")
     )
     assert scene.placements["/x"].material == ""
-    assert scene.warnings == ["/A: surface ND_standard_surface_surfaceshader is not drawn yet"]
+    assert scene.warnings == ["/A: surface ND_disney_principled is not drawn yet"]
 
 
 def test_a_texture_without_a_file_leaves_its_fallback_and_a_warning():
@@ -94,3 +95,67 @@ def test_bad_values_keep_the_fallback_with_a_warning():
     )
     assert scene.materials["/A"].roughness == 0.5 and scene.materials["/A"].diffuseColor == (0.18,) * 3
     assert len(scene.warnings) == 2
+
+
+def dielectric(inputs: str) -> str:
+    return material("A", inputs).replace("UsdPreviewSurface", "warprender:Dielectric") + sphere(
+        "x", "rel material:binding = </A>"
+    )
+
+
+def test_dielectrics_arrive_with_their_inputs():
+    scene = scene_of(
+        dielectric(
+            """float inputs:ior = 1.33
+            float inputs:roughness = 0.2
+            color3f inputs:transmissionColor = (1, 0.5, 0.25)
+            color3f inputs:attenuationColor = (0.5, 0.25, 0.125)
+            float inputs:attenuationDistance = 3
+            int inputs:thinWalled = 1"""
+        )
+    )
+    assert not scene.warnings
+    look = scene.materials["/A"]
+    assert isinstance(look, wr.Dielectric)
+    assert (round(look.ior, 6), round(look.roughness, 6), look.thinWalled) == (1.33, 0.2, 1)
+    assert look.transmissionColor == (1, 0.5, 0.25) and look.attenuationColor == (0.5, 0.25, 0.125)
+    assert look.attenuationDistance == 3 and look.specularColor == (1, 1, 1)
+
+
+def test_an_infinite_attenuation_distance_is_a_value():
+    scene = scene_of(dielectric("float inputs:attenuationDistance = inf"))
+    assert not scene.warnings and scene.materials["/A"].attenuationDistance == float("inf")
+
+
+def test_indices_and_distances_of_zero_and_below_are_named():
+    scene = scene_of(dielectric("float inputs:ior = 0\nfloat inputs:attenuationDistance = -1"))
+    assert scene.materials["/A"] == wr.Dielectric()
+    assert len(scene.warnings) == 2 and all("is taken" in warning for warning in scene.warnings)
+
+
+def test_dielectrics_read_primvars():
+    scene = scene_of(
+        material("A", "float inputs:ior.connect = </A/r.outputs:result>")
+        .replace("UsdPreviewSurface", "warprender:Dielectric")
+        .rstrip("} ")
+        + """} def Shader "r" { uniform token info:id = "UsdPrimvarReader_float"
+            string inputs:varname = "index"
+            float outputs:result } }"""
+        + sphere("x", "rel material:binding = </A>\nfloat primvars:index = 1.7")
+    )
+    assert scene.materials["/A"].ior.varname == "index"
+    assert round(float(scene.placements["/x"].shape.primvars["index"].values[0, 0]), 6) == 1.7
+
+
+def test_a_clear_preview_surface_with_an_index_says_that_it_does_not_refract():
+    clear = "float inputs:opacity = 0.2\n"
+    for inputs, said in {
+        clear + "float inputs:ior = 1.5": 1,
+        clear + "float inputs:ior = 1": 0,
+        clear: 0,
+        clear + "float inputs:ior = 1.5\nfloat inputs:opacityThreshold = 0.5": 0,
+        "float inputs:ior = 1.5": 0,
+    }.items():
+        scene = scene_of(material("A", inputs) + sphere("x", "rel material:binding = </A>"))
+        assert len(scene.warnings) == said
+        assert all("straight through" in warning for warning in scene.warnings)

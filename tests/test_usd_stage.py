@@ -64,3 +64,50 @@ def test_a_missing_reference_is_one_short_warning(tmp_path):
     (tmp_path / "a.usda").write_text('#usda 1.0\ndef Xform "x" ( references = @not_there.usda@ ) { }')
     (warning,) = load(tmp_path / "a.usda").warnings
     assert "/x" in warning and "not_there.usda" in warning and "instantiating" not in warning
+
+
+@pytest.mark.parametrize(
+    ("prim", "message"),
+    [
+        ("Volume", "Volume is not drawn yet"),
+        ("ParticleField3DGaussianSplat", "ParticleField3DGaussianSplat is not drawn yet"),
+        ("GenerativeProcedural", "GenerativeProcedural is not drawn: nothing here generates"),
+        ("HoudiniThing", "its type HoudiniThing is not known to USD here"),
+        ("PluginLight", "PluginLight is not drawn yet"),
+        ("PortalLight", "a portal only guides the sampling of domes"),
+        ("Sphere", None),
+        ("Scope", None),
+        ("SkelRoot", None),
+        ("Skeleton", None),
+        ("OpenVDBAsset", None),
+        ("PhysicsScene", None),
+        ("RenderSettings", None),
+        ("LightFilter", None),
+    ],
+)
+def test_types_that_are_not_drawn_are_named_once_and_their_children_are_drawn(prim, message):
+    scene = scene_of(f'def {prim} "a" {{ def Cube "b" {{ }} }} def {prim} "c" {{ }}')
+    assert "/a/b" in scene.placements
+    assert [line.split(": ", 1)[0] for line in scene.warnings] == (["/a", "/c"] if message else [])
+    assert all(message in line for line in scene.warnings)
+
+
+def test_many_prims_of_a_type_that_is_not_drawn_are_one_warning():
+    scene = scene_of("".join(f'def HoudiniThing "a{i}" {{ }} ' for i in range(9)))
+    (line,) = scene.warnings
+    assert line.startswith("/a0 and 8 more prims: its type HoudiniThing")
+
+
+def test_what_is_not_drawn_for_its_purpose_gets_no_warning():
+    assert not scene_of('def Xform "g" { uniform token purpose = "guide" def HoudiniThing "a" { } }').warnings
+    assert not scene_of('def Volume "a" { uniform token purpose = "guide" }').warnings
+
+
+@pytest.mark.parametrize(("index", "drawn"), [(0, "far"), (1, "near"), (7, "near"), (-1, "far")])
+def test_of_levels_of_detail_the_default_is_drawn(index, drawn):
+    scene = scene_of(
+        f"""def Xform "m" (prepend apiSchemas = ["LODRootAPI"]) {{ int lod:default:index = {index}
+            def Sphere "far" {{ }} def Sphere "near" {{ }} }}"""
+    )
+    assert list(scene.placements) == [f"/m/{drawn}"]
+    assert scene.warnings == [f"/m: of its 2 levels of detail {drawn}, the default, is drawn"]

@@ -17,20 +17,23 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .camera import Camera
     from .frame import Frame
+    from .gonioreflectometer import measure_brdf
     from .lights import (
         CameraLight,
         CylinderLight,
         DiskLight,
         DistantLight,
         DomeLight,
+        IesProfile,
         LightTexture,
         MeshLight,
+        PortalLight,
         RectLight,
         Shadow,
         Shaping,
         SphereLight,
     )
-    from .materials import DisplayColor, PreviewSurface
+    from .materials import BrdfTable, Dielectric, DisplayColor, MeasuredBRDF, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -43,16 +46,21 @@ __version__ = "0.1.0"
 
 #: Public name to the module that it lives in.
 _HOMES = {
+    "BrdfTable": "materials",
     "Camera": "camera",
     "CameraLight": "lights",
     "CylinderLight": "lights",
+    "Dielectric": "materials",
     "DiskLight": "lights",
     "DisplayColor": "materials",
     "DistantLight": "lights",
     "DomeLight": "lights",
     "Frame": "frame",
+    "IesProfile": "lights",
     "LightTexture": "lights",
+    "MeasuredBRDF": "materials",
     "MeshLight": "lights",
+    "PortalLight": "lights",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
     "Raster": "visibility.raster",
@@ -68,21 +76,27 @@ _HOMES = {
     "StageReader": "usd",
     "Texture": "textures",
     "load": "usd",
+    "measure_brdf": "gonioreflectometer",
     "rasterize": "visibility.raster",
     "render": "renderer",
 }
 
 __all__ = [
+    "BrdfTable",
     "Camera",
     "CameraLight",
     "CylinderLight",
+    "Dielectric",
     "DiskLight",
     "DisplayColor",
     "DistantLight",
     "DomeLight",
     "Frame",
+    "IesProfile",
     "LightTexture",
+    "MeasuredBRDF",
     "MeshLight",
+    "PortalLight",
     "PreviewSurface",
     "PrimvarReader",
     "Raster",
@@ -98,6 +112,7 @@ __all__ = [
     "StageReader",
     "Texture",
     "load",
+    "measure_brdf",
     "rasterize",
     "render",
 ]

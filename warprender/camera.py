@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -20,6 +21,33 @@ CONFORM_POLICIES = (
     "adjustApertureHeight",
     "adjustPixelAspectRatio",
 )
+
+
+@dataclass(frozen=True)
+class DataWindow:
+    """The pixels of a picture that are drawn (UsdRenderSettings `dataWindowNDC`); overscan lies outside of it.
+
+    Attributes:
+        x: column of the first drawn pixel, counted from the picture's left edge.
+        y: row of it, counted from the top.
+        width: drawn columns.
+        height: drawn rows.
+        full: (width, height) of the picture itself, its display window.
+    """
+
+    x: int
+    y: int
+    width: int
+    height: int
+    full: tuple[int, int]
+
+    @classmethod
+    def of(cls, full: tuple[int, int], ndc: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)) -> DataWindow:
+        """The pixels whose centres lie in the rectangle `ndc`: left, bottom, right, top from the lower left corner."""
+        left, bottom, right, top = ndc
+        columns = [math.ceil(edge * full[0] - 0.5) for edge in (left, right)]
+        rows = [math.ceil((1.0 - edge) * full[1] - 0.5) for edge in (top, bottom)]
+        return cls(columns[0], rows[0], columns[1] - columns[0], rows[1] - rows[0], full)
 
 
 @dataclass
@@ -119,13 +147,15 @@ class Camera(Watched):
         pixel_aspect: float = 1.0,
         policy: str = "expandAperture",
         device: str = "cpu",
+        data_window: DataWindow | None = None,
     ) -> CameraRecord:
-        """The device's record, with positions relative to `origin` (3,) float64."""
+        """The device's record, with positions relative to `origin` (3,) float64; of the data window's pixels alone."""
         record = CameraRecord()
         record.position = wp.vec3(*(np.asarray(self.transform, np.float64)[3, :3] - origin))
         record.rotation = wp.mat33(*self.frame_of_reference().reshape(-1))
-        record.window = wp.vec4(*self.window(width * pixel_aspect / height, policy))
-        record.width, record.height = width, height
+        drawn = data_window or DataWindow.of((width, height))
+        record.window = wp.vec4(*_part(self.window(width * pixel_aspect / height, policy), drawn))
+        record.width, record.height = drawn.width, drawn.height
         record.near, record.far = self.clippingRange
         if "lens" in self.effects():
             record.lens_radius = 0.05 * self.focalLength / self.fStop
@@ -135,6 +165,16 @@ class Camera(Watched):
         record.origin = wp.vec3(*origin)
         record.planes = wp.array(self.clippingPlanes, dtype=wp.vec4, device=device) if self.clippingPlanes else None
         return record
+
+
+def _part(window: tuple[float, float, float, float], drawn: DataWindow) -> tuple[float, float, float, float]:
+    """The part of a window (left, bottom, right, top) that the drawn pixels cover."""
+    if (drawn.x, drawn.y, drawn.width, drawn.height) == (0, 0, *drawn.full):
+        return window
+    left, bottom, right, top = window
+    across, down = (right - left) / drawn.full[0], (bottom - top) / drawn.full[1]
+    columns, rows = (drawn.x, drawn.x + drawn.width), (drawn.y, drawn.y + drawn.height)
+    return left + across * columns[0], top + down * rows[1], left + across * columns[1], top + down * rows[0]
 
 
 @wp.func

@@ -6,7 +6,7 @@ import numpy as np
 
 from .lights import CameraLight, DomeLight, GlowingSphere, Light, MeshLight
 from .scene import Placement, Scene, materials_of
-from .shapes import Mesh, Sphere
+from .shapes import Mesh, Sdf, Sphere
 
 #: Geometry that emits a smaller share of all light than this is left to be met by chance: aiming at it would call for
 #: shadow rays, and take them from the lights that matter.
@@ -50,8 +50,10 @@ def glow_power(scene: Scene, placement: Placement) -> float:
     return float(emission * np.pi * 2 * object_area(placement.shape) * np.sum(scale[np.isfinite(scale)]))
 
 
-def object_area(shape: Mesh | Sphere) -> float:
-    """Area in object space."""
+def object_area(shape: Mesh | Sphere | Sdf) -> float:
+    """Area in object space; 0 for signed distance functions, whose light is left to be met by chance."""
+    if isinstance(shape, Sdf):
+        return 0.0
     if isinstance(shape, Sphere):
         return 4 * np.pi * shape.radius**2
     area = triangle_areas(shape.host_points().astype(np.float64), shape.triangles)

@@ -11,6 +11,7 @@ import numpy as np
 import warp as wp
 
 from . import images
+from .camera import DataWindow
 
 
 class Stats(dict):
@@ -80,6 +81,8 @@ class Frame:
         stats: what the render took: "seconds" by stage, "samples" a pixel, "interrupted", "plan", "warnings";
             with color also "rays" by kind, "error" (relative RMS standard error of luminance; inf below 4
             samples) and "dropped samples" (those that were not finite).
+        data_window: where the pixels lie in the picture that the render settings describe, None for all of it. EXR
+            keeps it as data and display window.
     """
 
     def __init__(
@@ -87,10 +90,12 @@ class Frame:
         outputs: dict[str, wp.array],
         stats: dict | None = None,
         receipt: dict | Callable[[], dict] | None = None,
+        data_window: DataWindow | None = None,
     ) -> None:
         self.outputs = dict(outputs)
         self.stats = stats if stats is not None else {}
         self._receipt = receipt if receipt is not None else {}
+        self.data_window = data_window
 
     @property
     def receipt(self) -> dict:
@@ -135,14 +140,16 @@ class Frame:
 
         Args:
             path: the file; the extension chooses the format.
-            color_correction: "sRGB" or "disabled", for the 8-bit formats.
+            color_correction: "sRGB", "disabled" or "openColorIO", for the 8-bit formats.
             half: 16-bit floats in EXR.
 
         Raises:
             ValueError: the file cannot be written; the message names it and says why.
         """
         layers = {name: self.numpy(name) for name in self.outputs}
-        images.write(path, layers, self._metadata(), color_correction, half)
+        window = self.data_window
+        display = (window.x, window.y, *window.full) if window is not None else None
+        images.write(path, layers, self._metadata(), color_correction, half, display)
 
     def _metadata(self) -> dict[str, str]:
         # ASCII JSON: a PNG text chunk is Latin-1.

@@ -6,12 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from .camera import Camera
+from .camera import Camera, DataWindow
 from .scene import Placement, Scene, SceneError
-from .shapes import Mesh
+from .shapes import Mesh, Sdf
 
 #: usdrecord's width of pictures.
 DEFAULT_WIDTH = 960
+
+#: Pixels are numbered by int32.
+MOST_PIXELS = 2**31 - 1
 
 #: Name of the camera that usdrecord takes when none is asked for.
 MAIN_CAMERA = "main_cam"
@@ -27,19 +30,34 @@ def choose_camera(scene: Scene, name: str | None = None) -> Camera:
     Raises:
         SceneError: there is no camera `name`, or the chosen one has no window to look through.
     """
-    if name:
-        path = _find(scene, name)
-        if path is None:
-            known = ", ".join(scene.cameras) or "none"
-            raise SceneError(f"camera {name}: there is no such camera; the scene has {known}")
-    else:
-        path = scene.settings.camera or _find(scene, MAIN_CAMERA)
+    path = choose_camera_path(scene, name)
     if not path:
         return auto_camera(scene)
-    camera = scene.cameras[path]
+    camera = camera_at(scene, path)
     if fault := camera.fault():
         raise SceneError(f"{path}: {fault}")
     return camera
+
+
+def choose_camera_path(scene: Scene, name: str | None = None) -> str:
+    """Path of the camera that `choose_camera` takes, "" for automatic framing.
+
+    Raises:
+        SceneError: there is no camera `name`.
+    """
+    if not name:
+        return scene.settings.camera or _find(scene, MAIN_CAMERA) or ""
+    path = _find(scene, name)
+    if path is None:
+        known = ", ".join(scene.cameras) or "none"
+        raise SceneError(f"camera {name}: there is no such camera; the scene has {known}")
+    return path
+
+
+def camera_at(scene: Scene, path: str) -> Camera:
+    """The camera of this path, as the render settings have it."""
+    camera = scene.cameras[path]
+    return replace(camera, fStop=0.0) if scene.settings.disableDepthOfField else camera
 
 
 def choose_resolution(scene: Scene, camera: Camera, width: int | None = None) -> tuple[int, int]:
@@ -50,6 +68,22 @@ def choose_resolution(scene: Scene, camera: Camera, width: int | None = None) ->
     # As usdrecord: the quotient in 32 bits (960 by 16:9 is 540, not 539), cut to whole pixels.
     aspect = np.float32(camera.horizontalAperture / camera.verticalAperture)
     return width, max(1, int(np.float32(width) / aspect))
+
+
+def choose_data_window(scene: Scene, resolution: tuple[int, int]) -> DataWindow:
+    """The pixels to draw of a picture of (width, height): all, or what the settings' dataWindowNDC leaves.
+
+    Raises:
+        SceneError: the data window holds no pixel's centre, or more pixels than can be counted.
+    """
+    ndc = scene.settings.dataWindowNDC
+    window = DataWindow.of(resolution, ndc)
+    if min(window.width, window.height) < 1:
+        size = f"{resolution[0]}x{resolution[1]}"
+        raise SceneError(f"{scene.settings.path or 'dataWindowNDC'}: {ndc} of {size} pixels holds no pixel's centre")
+    if window.width * window.height > MOST_PIXELS:
+        raise SceneError(f"{scene.settings.path or 'dataWindowNDC'}: {ndc} is {window.width}x{window.height} pixels")
+    return window
 
 
 def auto_camera(scene: Scene) -> Camera:
@@ -93,6 +127,10 @@ def _bounds(placement: Placement) -> np.ndarray | None:
         if not len(used):
             return None
         low, high = used.min(0).astype(np.float64), used.max(0).astype(np.float64)
+    elif isinstance(shape, Sdf):
+        low, high = shape.bounds
+        if not np.isfinite(shape.bounds).all():
+            return None
     else:
         low, high = np.full(3, -shape.radius), np.full(3, shape.radius)
     matrices = placement.transforms

@@ -31,8 +31,11 @@ DISPLAY_FORMATS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 LAYERED_FORMATS = (".exr",)
 LINEAR_FORMATS = (".hdr",)
 
-#: Choices of usdrecord's --colorCorrectionMode that need no configuration file.
-COLOR_CORRECTIONS = ("sRGB", "disabled")
+#: Choices of usdrecord's --colorCorrectionMode.
+COLOR_CORRECTIONS = ("sRGB", "disabled", "openColorIO")
+
+#: What configurations call linear Rec.709.
+REC709_NAMES = ("lin_rec709_scene", "lin_rec709", "Linear Rec.709 (sRGB)")
 
 _HALF_MAX = 65504.0
 _COLOR_LAYERS = ("color", "albedo")
@@ -61,6 +64,7 @@ def write(
     metadata: Mapping[str, str] | None = None,
     color_correction: str = "sRGB",
     half: bool = False,
+    display: tuple[int, int, int, int] | None = None,
 ) -> None:
     """Write what the extension of `path` holds: every layer (.exr), or the layer `color` (all others).
 
@@ -68,8 +72,10 @@ def write(
         path: the file; its folder must exist.
         layers: output name to (H, W) or (H, W, C) array, float or int32.
         metadata: attribute name to text.
-        color_correction: "sRGB" or "disabled"; for display formats alone.
+        color_correction: as in `display_bytes`; for display formats alone.
         half: 16-bit floats; for EXR alone.
+        display: column and row of the first pixel in the display window, and that window's width and height; for EXR
+            alone, the others hold the pixels and nothing else. None: the pixels fill it.
 
     Raises:
         ValueError: an unknown extension, a missing folder, no layer `color`, a file that cannot be written.
@@ -80,7 +86,7 @@ def write(
     if not kept(path, layers):
         raise ValueError(f"{path}: {suffix} holds color alone, and there is none; .exr holds all")
     if suffix in LAYERED_FORMATS:
-        return write_exr(path, layers, metadata, half)
+        return write_exr(path, layers, metadata, half, display)
     if suffix in LINEAR_FORMATS:
         return _write_hdr(path, layers["color"], metadata)
     return write_png(path, layers["color"], metadata, color_correction)
@@ -98,7 +104,7 @@ def write_png(
         path: the file; its folder must exist.
         rgba: (H, W, 3 or 4) float, premultiplied linear Rec.709, row 0 at the top.
         metadata: attribute name to text.
-        color_correction: "sRGB" applies the curve, "disabled" writes linear values and says so in the file.
+        color_correction: as in `display_bytes`; "disabled" writes linear values and says so in the file.
 
     Raises:
         ValueError: the file cannot be written, or an unknown `color_correction`.
@@ -112,18 +118,57 @@ def write_png(
     if suffix == ".png":
         # Colours are written as they are: without this OpenImageIO divides them by alpha.
         spec.attribute("oiio:UnassociatedAlpha", 1)
-    spec.attribute("oiio:ColorSpace", "sRGB" if color_correction == "sRGB" else "lin_rec709")
+    spec.attribute("oiio:ColorSpace", "lin_rec709" if color_correction == "disabled" else "sRGB")
     _write_parts(path, [(spec, pixels)])
 
 
 def display_bytes(rgba: np.ndarray, color_correction: str = "sRGB") -> np.ndarray:
-    """(H, W, C) uint8 of linear colours: NaN becomes 0, all is clamped to [0, 1], colours take the curve."""
-    if color_correction not in COLOR_CORRECTIONS:
-        raise ValueError(f"colour correction {color_correction!r} is none of {', '.join(COLOR_CORRECTIONS)}")
-    values = np.clip(np.nan_to_num(np.asarray(rgba, np.float64), nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+    """(H, W, C) uint8 of linear colours: NaN becomes 0, all is clamped to [0, 1], colours take the curve.
+
+    Args:
+        rgba: (H, W, C) linear Rec.709.
+        color_correction: "sRGB", "disabled", or "openColorIO": the default view of the default display in the
+            configuration that the environment variable OCIO names, before the clamp.
+
+    Raises:
+        ValueError: an unknown `color_correction`, or a configuration that cannot be used.
+    """
+    check_color_correction(color_correction)
+    values = np.nan_to_num(np.asarray(rgba, np.float64), nan=0.0)
+    if color_correction == "openColorIO":
+        values = _displayed(values)
+    values = np.clip(values, 0.0, 1.0)
     if color_correction == "sRGB":
         values[..., :3] = srgb_encode(values[..., :3])
     return np.round(values * 255.0).astype(np.uint8, order="C")
+
+
+def check_color_correction(color_correction: str) -> None:
+    """Raise ValueError where colours cannot be corrected so: to be asked before rendering."""
+    if color_correction not in COLOR_CORRECTIONS:
+        raise ValueError(f"colour correction {color_correction!r} is none of {', '.join(COLOR_CORRECTIONS)}")
+    if color_correction == "openColorIO":
+        file = os.environ.get("OCIO", "")
+        if not file:
+            raise ValueError("colour correction openColorIO: the environment variable OCIO names no configuration")
+        if fault := oiio.ColorConfig(file).geterror():
+            raise ValueError(f"{file}: no OpenColorIO configuration: {_oiio_reason(fault)}")
+
+
+def _displayed(values: np.ndarray) -> np.ndarray:
+    """Linear Rec.709 (H, W, C) through the configuration's default view; the scene's space where it has no Rec.709."""
+    config = oiio.ColorConfig(os.environ["OCIO"])
+    spaces = {*config.getColorSpaceNames(), *(a for n in config.getColorSpaceNames() for a in config.getAliases(n))}
+    source = next((name for name in REC709_NAMES if name in spaces), "scene_linear")
+    pixels = np.ascontiguousarray(values, np.float32)
+    buffer = oiio.ImageBuf(_spec(pixels, None, oiio.FLOAT, None))
+    buffer.set_pixels(oiio.ROI(), pixels)
+    display = config.getDefaultDisplayName()
+    view, file = config.getDefaultViewName(display), os.environ["OCIO"]
+    seen = oiio.ImageBufAlgo.ociodisplay(buffer, display, view, source, "", False, colorconfig=file)
+    if seen.has_error:
+        raise ValueError(f"{file}: {_oiio_reason(seen.geterror())}")
+    return seen.get_pixels(oiio.FLOAT).astype(np.float64)
 
 
 def write_exr(
@@ -131,6 +176,7 @@ def write_exr(
     layers: Mapping[str, np.ndarray],
     metadata: Mapping[str, str] | None = None,
     half: bool = False,
+    display: tuple[int, int, int, int] | None = None,
 ) -> None:
     """Write every layer: `color` as R, G, B, A, any other as NAME.Z, NAME.X,Y,Z, NAME.R,G,B or NAME.id.
 
@@ -139,6 +185,7 @@ def write_exr(
         layers: output name to (H, W) or (H, W, C) array of one height and width, float or int32.
         metadata: attribute name to text, stored in the first part.
         half: 16-bit floats; finite values beyond 65504 become 65504. Integers keep their 32 bits.
+        display: as in `write`.
 
     Raises:
         ValueError: the file cannot be written, or layers of different sizes.
@@ -158,6 +205,9 @@ def write_exr(
         names, pixels = _stack(integers, np.int32)
         metadata = None if parts else metadata
         parts.append(_exr_part("integers", names, pixels.view(np.uint32), oiio.UINT32, metadata))
+    for spec, _ in parts:
+        if display is not None:
+            spec.x, spec.y, spec.full_width, spec.full_height = display
     _write_parts(path, parts)
 
 
@@ -212,7 +262,7 @@ def read_picture(path: str) -> Picture:
     Raises:
         ValueError: the file is missing, is no image or has no pixels; the message names it.
     """
-    with _unpacked(path) as file:
+    with unpacked(path) as file:
         source = _open_as_stored(file, path)
         spec = source.spec()
         kind = spec.format.basetype
@@ -239,7 +289,7 @@ class PictureHeader:
 
 def picture_header(path: str) -> PictureHeader:
     """The header of the file that `read_picture` reads; raises as it does."""
-    with _unpacked(path) as file:
+    with unpacked(path) as file:
         spec = _open_as_stored(file, path).spec()
         itemsize = np.dtype(_KEPT_TYPES.get(spec.format.basetype, np.float32)).itemsize
         return PictureHeader(spec.height, spec.width, itemsize, {a.name: a.value for a in spec.extra_attribs})
@@ -278,8 +328,8 @@ def _package_chain(path: str) -> list[str]:
 
 
 @contextmanager
-def _unpacked(path: str) -> Iterator[str]:
-    """The path of a file that OpenImageIO can open; a copy in the temporary folder for one in a package.
+def unpacked(path: str) -> Iterator[str]:
+    """The path of a file that can be opened; a copy in the temporary folder for one in a package.
 
     OpenImageIO reads from memory too, but its Python package does not offer it.
     """

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
+import warp as wp
 
 from .attaching import posed_transforms
 from .emitters import lit
@@ -55,15 +56,25 @@ class LiveScene:
     """
 
     def __init__(
-        self, scene: Scene, device: str, eye: np.ndarray, camera_light: bool, texture_bytes: int = TEXTURE_BYTES
+        self,
+        scene: Scene,
+        device: str,
+        eye: np.ndarray,
+        camera_light: bool,
+        sdfs: tuple[wp.Function, ...] = (),
+        texture_bytes: int = TEXTURE_BYTES,
     ) -> None:
-        """Upload the scene for a camera with the transform `eye` (4, 4); `camera_light` adds a light there."""
+        """Upload the scene for a camera with the transform `eye` (4, 4); `camera_light` adds a light there.
+
+        `sdfs` are the plan's signed distance functions.
+        """
         self._scene, self._device, self._camera_light = scene, device, camera_light
         self._texture_bytes = texture_bytes
         self.lights = lit(scene, camera_light)
         self._seen = self._glance()
         self._look = Look.at(scene)
-        self.upload = Upload(scene, self._standing(eye), eye[3, :3], device, texture_bytes)
+        self._before = self._look
+        self.upload = Upload(scene, self._standing(eye), eye[3, :3], device, texture_bytes, sdfs)
         self._remember()
 
     @property
@@ -71,26 +82,33 @@ class LiveScene:
         """What kernels read. Another object after prims came or went."""
         return self.upload.record
 
-    def update(self, eye: np.ndarray) -> bool:
-        """Follow all that has changed; `eye` (4, 4) is the camera's transform now.
+    def look_again(self) -> bool:
+        """See what of the description has changed; whether effects may have come or gone, which calls for a plan."""
+        seen = self._glance()
+        if not same(seen, self._seen):
+            self._seen, self._look = seen, Look.at(self._scene)
+        before, look = self._before, self._look
+        self._remade = not (same(before.prims, look.prims) and same(before.materials, look.materials))
+        self._relit = not same(before.lights, look.lights)
+        return self._remade or self._relit
 
-        Returns:
-            Whether effects may have come or gone, which calls for another plan.
+    def update(self, eye: np.ndarray, sdfs: tuple[wp.Function, ...] = ()) -> None:
+        """Follow all that `look_again` has seen, and what was written on the device.
+
+        Args:
+            eye: (4, 4) transform of the camera now.
+            sdfs: the plan's signed distance functions.
 
         Raises:
             SceneError: a mesh's points were replaced by another array.
         """
-        before, look = self._look, self._look_again()
-        remade = not (same(before.prims, look.prims) and same(before.materials, look.materials))
-        placed = not same(before.places, look.places)
-        relit = not same(before.lights, look.lights)
-        self._look = look
-        if remade or relit:
+        placed = not same(self._before.places, self._look.places)
+        relit = self._relit
+        if self._remade or relit:
             self.lights = lit(self._scene, self._camera_light)
-        if remade:
-            self.upload = Upload(
-                self._scene, self._standing(eye), eye[3, :3], self._device, self._texture_bytes, self.upload
-            )
+        if self._remade:
+            place, bytes = eye[3, :3], self._texture_bytes
+            self.upload = Upload(self._scene, self._standing(eye), place, self._device, bytes, sdfs, self.upload)
         else:
             if placed:
                 self.upload.place_at_rest()
@@ -103,8 +121,8 @@ class LiveScene:
                 relit = True
             if relit or placed or (moved and self.lights) or self._lights_moved(bool(changed)):
                 self.upload.light(self._standing(eye))
+        self._before = self._look
         self._remember()
-        return remade or relit
 
     def _glance(self) -> list[object]:
         """What tells at little cost that nothing was assigned."""
@@ -112,13 +130,6 @@ class LiveScene:
         things = (scene.placements.values(), scene.materials.values(), scene.lights.values())
         transforms = (light.transform.tobytes() for light in scene.lights.values())
         return [Watched.assignments, *chain(*things), *transforms]
-
-    def _look_again(self) -> Look:
-        seen = self._glance()
-        if same(seen, self._seen):
-            return self._look
-        self._seen = seen
-        return Look.at(self._scene)
 
     def _remember(self) -> None:
         """Keep what the next update compares with."""

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from .materials import MATERIALS, Material
+from .materials import MATERIALS, Material, MeasuredBRDF
+from .materials.brdf_table import BrdfTable
 from .materials.inputs import NORMAL, Varying
-from .records import DeviceScene, InputRecord, LevelRecord, MaterialRecord, PictureRecord
+from .records import BrdfRecord, DeviceScene, InputRecord, LevelRecord, MaterialRecord, PictureRecord
 from .shapes import Mesh
 from .shapes.tangents import corner_tangents
 from .texels import TEXTURE_BYTES, TexelPool, halvings_within, srgb_table
@@ -49,7 +50,8 @@ class MaterialTables:
         slots: what the primvar slots hold, the display colour and opacity first.
         pool: the pictures.
         tiles: 100 picture numbers for each UDIM set.
-        warnings: one line for each picture that cannot be read or was made smaller.
+        brdfs: the measured BRDFs, each once.
+        warnings: one line for each picture that cannot be read or was made smaller, and about measured data.
     """
 
     def __init__(self, materials: dict[str, Material], used: Iterable[str], budget: int = TEXTURE_BYTES) -> None:
@@ -58,6 +60,7 @@ class MaterialTables:
         self.inputs: list[np.ndarray] = []
         self.pool = TexelPool()
         self.tiles: list[np.ndarray] = []
+        self.brdfs: list[BrdfTable] = []
         self.warnings: list[str] = []
         self._pictures: dict[tuple, int] = {}
         used = set(used)
@@ -68,9 +71,11 @@ class MaterialTables:
             values = material.pack()
             row["kind"] = MATERIALS.index(type(material))
             row["values"][: len(values)] = values
-            row["normal"] = -1
+            row["normal"] = row["table"] = -1
             if key in used:
                 self._link(row, material)
+                if isinstance(material, MeasuredBRDF):
+                    row["table"] = self._brdf(key, material.table)
 
     def repacked(self, materials: dict[str, Material], used: Iterable[str]) -> MaterialTables | None:
         """These tables with the constants of `materials`, or None where more than constants has changed."""
@@ -97,8 +102,19 @@ class MaterialTables:
         record.texels = wp.array(self.pool.words, dtype=wp.uint32, device=device, copy=False)
         record.tiles = wp.array(np.array(self.tiles, np.int32).reshape(-1), dtype=wp.int32, device=device)
         record.decode = wp.array(srgb_table(), dtype=wp.float32, device=device)
-        names = ("materials", "inputs", "pictures", "levels", "texels", "tiles", "decode")
-        return [getattr(record, name) for name in names]
+        uploads = [table.upload(device) for table in self.brdfs]
+        record.brdfs = wp.empty(0, BrdfRecord, device=device)
+        if uploads:
+            record.brdfs = wp.array([brdf for brdf, _ in uploads], dtype=BrdfRecord, device=device)
+        names = ("materials", "inputs", "pictures", "levels", "texels", "tiles", "decode", "brdfs")
+        return [getattr(record, name) for name in names] + [array for _, kept in uploads for array in kept]
+
+    def _brdf(self, owner: str, table: BrdfTable) -> int:
+        """Number of a measured BRDF; what is to be said of its data is said for each material."""
+        self.warnings += [f"{owner}: {table.name}: {warning}" for warning in table.warnings]
+        if table not in self.brdfs:
+            self.brdfs.append(table)
+        return self.brdfs.index(table)
 
     def _read_pictures(self, materials: dict[str, Material], budget: int) -> None:
         """Put every picture into the pool once, after working out how small they must be."""
@@ -198,7 +214,7 @@ def _links(materials: dict[str, Material]) -> list[object]:
     """All of materials but their constants, for `same`: kinds, what varies, and cut-outs, which have no footprint."""
     links: list[object] = []
     for key, material in materials.items():
-        links += [key, type(material), material.is_cut_out()]
+        links += [key, type(material), material.is_cut_out(), getattr(material, "table", None)]
         for number, (name, source) in material.varying().items():
             links += [number, name, *(source if isinstance(source, tuple) else [source])]
     return links

@@ -7,7 +7,7 @@ sizes and colours are runtime values and never in a key.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 
 import numpy as np
 import warp as wp
@@ -16,11 +16,11 @@ from .camera import Camera
 from .emitters import lit
 from .lights import Light
 from .lights.dispatch import FUNCTIONS
-from .materials import MATERIALS, DisplayColor
+from .materials import MATERIALS, TRANSMITTING, DisplayColor
 from .materials.inputs import FEATURES, NORMAL
 from .outputs import OUTPUTS
 from .scene import Placement, Scene, SceneError, materials_of
-from .shapes import SHAPES, Mesh, Primvar, Sphere
+from .shapes import SHAPES, Mesh, Primvar, Sdf
 from .textures import Texture
 
 TRANSPORTS = ("none", "path")
@@ -126,17 +126,31 @@ class RenderPlan:
 
         So nothing is compiled because something went, or came back.
         """
-        self.path = before.path if covers(before.path, self.path) else self.path
-        self.outputs = before.outputs if covers(before.outputs, self.outputs) else self.outputs
+        path = before.path if covers(before.path, self.path) else self.path
+        outputs = before.outputs if covers(before.outputs, self.outputs) else self.outputs
+        # Both kernels must number the distance functions alike.
+        if path is None or outputs is None or path.sdfs == outputs.sdfs:
+            self.path, self.outputs = path, outputs
         if "clippingPlanes" not in camera.effects() and self.visibility != before.visibility:
             del self.reasons[f"visibility {self.visibility}"]
             self.visibility = before.visibility
             self.reasons[f"visibility {self.visibility}"] = "as before"
         return self
 
+    @property
+    def sdfs(self) -> tuple[wp.Function, ...]:
+        """The signed distance functions that occur, in the order of their numbers on the device."""
+        key = self.path or self.outputs
+        return key.sdfs if key else ()
+
     def as_dict(self) -> dict:
-        """The same as plain values, for JSON."""
-        return asdict(self)
+        """The same as plain values, for JSON; functions by their names."""
+        names = tuple(function.key for function in self.sdfs)
+        keys = {part: replace(key, sdfs=()) if (key := getattr(self, part)) else None for part in ("path", "outputs")}
+        plain = asdict(replace(self, **keys))
+        for key in filter(None, (plain["path"], plain["outputs"])):
+            key["sdfs"] = names
+        return plain
 
 
 def analyse(
@@ -171,12 +185,13 @@ def analyse(
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
     planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
     _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
+    sdfs = _distance_functions(scene)
     aovs = tuple(sorted(set(request.outputs) - {"color"}))
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
         pinhole = tuple(e for e in effects if e != "lens")
-        plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features)
+        plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features, sdfs)
     if transport == "path" and "color" in request.outputs:
         lights = lit(scene, camera_light)
         kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
@@ -184,7 +199,7 @@ def analyse(
         why = "lights that can be aimed at" if sampled else ""
         _note(plan, "shadow rays", why, "a light other than a dome")
         light_effects = _light_effects(plan, lights)
-        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features)
+        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs)
         _bound_bounces(plan, scene, request)
     return plan
 
@@ -196,15 +211,19 @@ def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> 
         SceneError: what is asked for cannot show this scene.
     """
     only_rays = "the camera has clippingPlanes" if "clippingPlanes" in camera.effects() else ""
-    sphere = next((path for path, p in scene.placements.items() if isinstance(p.shape, Sphere)), "")
-    if request.visibility == "painter" and sphere:
-        raise SceneError(f"visibility 'painter' draws triangles alone, and {sphere} is a sphere")
+    other = next((path for path, p in scene.placements.items() if not isinstance(p.shape, Mesh)), "")
+    if request.visibility == "painter" and other:
+        kind = type(scene.placements[other].shape).__name__
+        raise SceneError(f"visibility 'painter' draws triangles alone, and {other} is a {kind.lower()}")
+    sdf = next((path for path, p in scene.placements.items() if isinstance(p.shape, Sdf)), "")
     if request.visibility in ("raster", "painter") and only_rays:
         raise SceneError(f"visibility {request.visibility!r}: {only_rays}, which only rays can follow")
     if request.visibility != "auto":
         return request.visibility, "asked for"
     if only_rays or not set(request.outputs) - {"color"}:
         return "rays", only_rays or "color is made of rays"
+    if sdf:
+        return "rays", f"{sdf} is a signed distance function"
     faces = sum(
         len(p.shape.triangles) * len(p.transforms) for p in scene.placements.values() if isinstance(p.shape, Mesh)
     )
@@ -219,7 +238,7 @@ def covers(wide: PathKey | OutputsKey | None, narrow: PathKey | OutputsKey | Non
         return wide is narrow
     for part in fields(wide):
         more, less = getattr(wide, part.name), getattr(narrow, part.name)
-        if part.name in ("outputs", "sdfs") or not isinstance(more, (tuple, bool)):
+        if part.name == "outputs" or not isinstance(more, (tuple, bool)):
             if more != less:
                 return False
         elif (less and not more) if isinstance(more, bool) else not set(less) <= set(more):
@@ -283,6 +302,12 @@ def _shape_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
+def _distance_functions(scene: Scene) -> tuple[wp.Function, ...]:
+    """The functions of all `Sdf` shapes, each once, in drawing order."""
+    shapes = (placement.shape for placement in scene.placements.values())
+    return tuple(dict.fromkeys(shape.kernel_function() for shape in shapes if isinstance(shape, Sdf)))
+
+
 def _material_callers(scene: Scene) -> dict[str, str]:
     callers: dict[str, str] = {}
     for path, placement in scene.placements.items():
@@ -295,7 +320,7 @@ def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tupl
     """What material inputs need of the kernel; notes each input that varies, and cut-outs, with the first caller."""
     features = {"energy compensation"} if request.energy_compensation else set()
     uses: dict[str, str] = {}
-    cut_out = ""
+    cut_out = transmission = ""
     for path, placement in scene.placements.items():
         for key in materials_of(placement):
             material = scene.materials[key]
@@ -305,12 +330,16 @@ def _material_features(plan: RenderPlan, scene: Scene, request: Request) -> tupl
                 uses.setdefault(f"{reads} {name}", path)
                 if number == NORMAL:
                     features.add("normal map")
+            if isinstance(material, TRANSMITTING):
+                features.add("transmission")
+                transmission = transmission or path
             if material.is_cut_out():
                 cut_out = cut_out or path
     plan.reasons |= dict(sorted(uses.items()))
     for feature in ("normal map", "primvar", "texture"):
         if feature not in features:
             plan.absent[feature] = f"a material input that is connected to a {feature}"
+    _note(plan, "transmission", transmission, "a warprender:Dielectric")
     _note(plan, "cut-out", cut_out, "an opacityThreshold above 0")
     _note(plan, "energy compensation", "asked for" if request.energy_compensation else "", "--energyCompensation")
     return tuple(sorted(features))

@@ -66,7 +66,11 @@ class Bsdf:
     """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
 
     `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
-    diffuse part, already scaled by it, leaves to nothing else.
+    diffuse part, already scaled by it, leaves to nothing else. `table` indexes `DeviceScene.brdfs`.
+
+    `eta` is the index of refraction beyond the surface over that on the viewer's side, 0 for what does not refract;
+    `transmission` is the factor of what crosses, `absorption` that of the medium inside per scene unit, and `thin` is
+    1 for a sheet that has both its faces.
     """
 
     kind: wp.int32
@@ -82,6 +86,11 @@ class Bsdf:
     present: wp.float32
     cover: wp.float32
     pass_through: wp.float32
+    table: wp.int32
+    eta: wp.float32
+    transmission: wp.vec3
+    absorption: wp.vec3
+    thin: wp.int32
 
 
 @wp.struct
@@ -169,7 +178,7 @@ class MaterialRecord:
     """One material: its kind, and values by the input numbers that the kind's file names.
 
     What varies over the surface are the `varying` entries of `DeviceScene.inputs` from number `first` on; the entry
-    of a tangent-space normal is number `normal`, -1 where there is none.
+    of a tangent-space normal is number `normal`, `table` indexes `DeviceScene.brdfs`; -1 where there is none.
     """
 
     kind: wp.int32
@@ -177,6 +186,7 @@ class MaterialRecord:
     first: wp.int32
     varying: wp.int32
     normal: wp.int32
+    table: wp.int32
 
 
 @wp.struct
@@ -225,15 +235,30 @@ class LevelRecord:
 
 
 @wp.struct
+class BrdfRecord:
+    """A measured BRDF: `values` in 1/sr over √θ_half, θ_diff and φ_diff, and tables that half-vectors are drawn from.
+
+    `rows` (A, R + 1) and `columns` (A, R, C + 1) are cumulative distributions over √θ_half and over the angle between
+    the azimuths of half-vector and viewer, for each of A angles of the viewer; rows of 0 have nothing to draw.
+    """
+
+    values: wp.array3d(dtype=wp.vec3)
+    rows: wp.array2d(dtype=wp.float32)
+    columns: wp.array3d(dtype=wp.float32)
+
+
+@wp.struct
 class LightRecord:
     """One light. `linear` has the world vectors of the local axes as columns; `size` is the kind's own.
 
     `determinant` is |det linear|. `choice` is the probability that next-event estimation picks this light, or for
-    lights in the tree the probability of the tree, in which `trail` has a bit for each level, 1 for the second child.
+    lights in the tree the probability of the tree. There `leaf` is its leaf, -1 for lights at infinity; a mesh has
+    many leaves, those of its faces in `glow_leaves` from number `first_face` on.
     `image` indexes `images`, `profile` indexes `profiles`, `links` and `shadow_links` are rows of `link_sets`: the
     prims that the light shines on and those that keep it off; -1 for none, none, all and all.
     `cone` has the angles from -Z at which the light begins and ends to fade, in radians. `shadow` indexes the SHADOW
-    constants. `instance` is the geometry that glows, with `triangles` of `glow_triangles` from `first_triangle` on.
+    constants. `instance` is the geometry that glows. `count` entries from number `first` on are the light's own: of
+    `portals` a dome's, of `glow_triangles` those of the leaf of a mesh that is aimed at.
     """
 
     kind: wp.int32
@@ -247,7 +272,7 @@ class LightRecord:
     specular: wp.float32
     is_dome: wp.int32
     choice: wp.float32
-    trail: wp.uint64
+    leaf: wp.int32
     image: wp.int32
     focus: wp.float32
     focus_tint: wp.vec3
@@ -262,8 +287,9 @@ class LightRecord:
     shadow_falloff: wp.float32
     shadow_gamma: wp.float32
     instance: wp.int32
-    first_triangle: wp.int32
-    triangles: wp.int32
+    first_face: wp.int32
+    first: wp.int32
+    count: wp.int32
 
 
 #: Shadows as light makes them; as ShadowAPI and shadow linking change them; and none at all.
@@ -274,8 +300,10 @@ SHADOW_NONE = wp.constant(wp.int32(2))
 
 @wp.struct
 class LightNode:
-    """A node of the light tree: box, cone of emission, power. `child` is the first of two neighbours, -1 - light in
-    a leaf. Light leaves within `cos_spread`'s angle of `axis`, and fades over `cos_fade`'s angle beyond.
+    """A node of the light tree: box, cone of emission, power. `child` is the first of `children` neighbours, in a
+    leaf, which has none, -1 - leaf. Light leaves within `cos_spread`'s angle of `axis`, or of its opposite too where
+    `two_sided`, and fades over `cos_fade`'s angle beyond. `round_share` of the power shines alike to all sides of that
+    cone, the rest by the cosine to normals whose mean along the axis is `mean_cos`.
     """
 
     lower: wp.vec3
@@ -285,6 +313,23 @@ class LightNode:
     cos_fade: wp.float32
     power: wp.float32
     child: wp.int32
+    children: wp.int32
+    two_sided: wp.int32
+    round_share: wp.float32
+    mean_cos: wp.float32
+
+
+@wp.struct
+class LightLeaf:
+    """A leaf of the light tree: a light, or `count` triangles of one from `first` of `glow_triangles` on, of this
+    world area. `trail` has two bits for each level: which child leads to it.
+    """
+
+    light: wp.int32
+    first: wp.int32
+    count: wp.int32
+    area: wp.float32
+    trail: wp.uint64
 
 
 @wp.struct
@@ -323,8 +368,27 @@ class PrimvarRecord:
 
 
 @wp.struct
+class SdfRecord:
+    """A signed distance function in object space: number `function` of the plan's, asked between two corners.
+
+    `values` (X, Y, Z) are samples on a grid over the box, empty for functions that have none.
+    """
+
+    function: wp.int32
+    lower: wp.vec3
+    upper: wp.vec3
+    lipschitz: wp.float32
+    precision: wp.float32
+    parameters: wp.vec4
+    values: wp.array3d(dtype=wp.float32)
+
+
+@wp.struct
 class GeometryRecord:
-    """A shape in object space, stored once. `kind` indexes SHAPES; its tree is in `DeviceScene.world`."""
+    """A shape in object space, stored once. `kind` indexes SHAPES; its tree is in `DeviceScene.world`.
+
+    `sdf` is its number in `DeviceScene.sdfs`, if it is one.
+    """
 
     kind: wp.int32
     points: wp.array(dtype=wp.vec3)
@@ -333,6 +397,7 @@ class GeometryRecord:
     face_material: wp.array(dtype=wp.int32)
     normals: PrimvarRecord
     radius: wp.float32
+    sdf: wp.int32
 
 
 @wp.struct
@@ -352,17 +417,23 @@ class InstanceRecord:
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
+    `sdf_instances` are the numbers of the instances that are signed distance functions.
+
     `albedo` is `materials.albedo.albedo_table`. `tiles` has 100 picture numbers a UDIM set, -1 where there is none;
     `decode` is the sRGB curve for the 256 codes.
 
     `lights` has first `finite_lights` that rays may meet, whose boxes are
     in `light_boxes`, then `infinite_lights`, last the geometry that glows. `light_cdf` is over the infinite lights
-    and, as its last entry, the tree of all others. `link_sets` has a bit for each prim.
+    and, as its last entry, the tree of all others. `link_sets` has a bit for each prim. `glow_triangles` are faces
+    in the order of leaves and `glow_cdf` is over the areas of each leaf's; `glow_leaves` has the leaf of each face, -1
+    where it is not aimed at. `portals` are rectangles through which domes are aimed at.
     """
 
     instances: wp.array(dtype=InstanceRecord)
     geometries: wp.array(dtype=GeometryRecord)
     world: World
+    sdfs: wp.array(dtype=SdfRecord)
+    sdf_instances: wp.array(dtype=wp.int32)
     materials: wp.array(dtype=MaterialRecord)
     albedo: wp.array2d(dtype=wp.vec4)
     energy_compensation: wp.int32
@@ -372,6 +443,7 @@ class DeviceScene:
     texels: wp.array(dtype=wp.uint32)
     tiles: wp.array(dtype=wp.int32)
     decode: wp.array(dtype=wp.float32)
+    brdfs: wp.array(dtype=BrdfRecord)
     primvars: wp.array(dtype=PrimvarRecord)
     primvar_count: wp.int32
     display_color: wp.int32
@@ -382,11 +454,14 @@ class DeviceScene:
     light_boxes: wp.uint64
     light_cdf: wp.array(dtype=wp.float32)
     light_nodes: wp.array(dtype=LightNode)
+    light_leaves: wp.array(dtype=LightLeaf)
+    portals: wp.array(dtype=LightRecord)
     images: wp.array(dtype=ImageRecord)
     profiles: wp.array(dtype=ProfileRecord)
     link_sets: wp.array2d(dtype=wp.uint32)
     glow_triangles: wp.array(dtype=wp.int32)
     glow_cdf: wp.array(dtype=wp.float64)
+    glow_leaves: wp.array(dtype=wp.int32)
 
 
 @wp.struct

@@ -14,7 +14,7 @@ from .attaching import posed_transforms
 from .camera import Camera
 from .films import Films
 from .frame import Frame, Stats
-from .framing import choose_camera, choose_resolution
+from .framing import camera_at, choose_camera, choose_camera_path, choose_data_window, choose_resolution
 from .integrators.none import launch_outputs
 from .integrators.path import radiance_function
 from .integrators.samples import PathRequest, launch_samples
@@ -68,7 +68,8 @@ class Renderer:
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
         camera: the `Camera` that was chosen, where `update` has last seen it.
-        resolution: (width, height) in pixels.
+        data_window: which pixels of the picture are drawn: all, or those of the render settings' dataWindowNDC.
+        resolution: (width, height) of the data window in pixels.
 
     Raises:
         SceneError: the request cannot be met; the message names the prim or the argument.
@@ -97,11 +98,13 @@ class Renderer:
         """Plan, compile and upload."""
         start = time.perf_counter()
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
-        self._camera_source = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
+        self._choose(camera)
         self._see_camera()
-        self.resolution = resolution or choose_resolution(scene, self.camera)
-        if min(self.resolution) < 1:
-            raise SceneError(f"resolution {self.resolution[0]}x{self.resolution[1]} has no pixels")
+        full = resolution or choose_resolution(scene, self.camera)
+        if min(full) < 1:
+            raise SceneError(f"resolution {full[0]}x{full[1]} has no pixels")
+        self.data_window = choose_data_window(scene, full)
+        self.resolution = (self.data_window.width, self.data_window.height)
         outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         self.request = Request(
             outputs,
@@ -120,7 +123,9 @@ class Renderer:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
         self._with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = self._analyse()
-        self._live = LiveScene(scene, device, self.camera.transform, self._with_camera_light, texture_bytes)
+        self._live = LiveScene(
+            scene, device, self.camera.transform, self._with_camera_light, self.plan.sdfs, texture_bytes
+        )
         if not (scene.placements or dome_light_visible or lights_visible):
             scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
         self._sobol = sampler == "sobol"
@@ -184,9 +189,9 @@ class Renderer:
         start = time.perf_counter()
         effects = self.camera.effects()
         self._see_camera()
-        replan = self._live.update(self.camera.transform)
-        if replan or effects != self.camera.effects():
+        if self._live.look_again() or effects != self.camera.effects():
             self.plan = self._analyse().kept_from(self.plan, self.camera)
+        self._live.update(self.camera.transform, self.plan.sdfs)
         self._look()
         self._seconds["update"] = time.perf_counter() - start
 
@@ -200,12 +205,10 @@ class Renderer:
         Raises:
             SceneError: there is no such camera, or it can take no picture.
         """
-        if isinstance(camera, str):
-            self._camera_source = choose_camera(self.scene, camera)
-        elif isinstance(camera, Camera):
-            self._camera_source = camera
+        if isinstance(camera, (str, Camera)):
+            self._choose(camera)
         else:
-            self._camera_source = replace(self._camera_source, transform=pose_matrix(camera, "camera"))
+            self._choose(replace(self.camera, transform=pose_matrix(camera, "camera")))
         self.update()
 
     def standard_error(self) -> np.ndarray:
@@ -216,17 +219,30 @@ class Renderer:
         pixels = self.resolution[0] * self.resolution[1]
         return analyse(self.scene, self.camera, self.request, self._with_camera_light, pixels)
 
+    def _choose(self, camera: Camera | str | None) -> None:
+        """Take a camera, or remember the path of one in the scene, which poses may move."""
+        if isinstance(camera, Camera):
+            self._camera_chosen = camera
+            path = next((path for path, other in self.scene.cameras.items() if other is camera), "")
+        else:
+            path = choose_camera_path(self.scene, camera)
+            self._camera_chosen = None if path else choose_camera(self.scene, camera)
+        self._camera_path = path
+
     def _see_camera(self) -> None:
         """The camera, where poses have put it.
 
         Raises:
-            SceneError: it can take no picture.
+            SceneError: it can take no picture, or is gone.
         """
-        camera = self._camera_source
-        path = next((path for path, other in self.scene.cameras.items() if other is camera), None)
-        if path is not None:
-            moved = posed_transforms(self.scene, {path: camera.transform})
-            camera = replace(camera, transform=moved[path]) if moved else camera
+        path, camera = self._camera_path, self._camera_chosen
+        if camera is None:
+            if path not in self.scene.cameras:
+                raise SceneError(f"{path}: the camera is no longer in the scene")
+            camera = camera_at(self.scene, path)
+        moved = posed_transforms(self.scene, {path: camera.transform}) if path else {}
+        if moved:
+            camera = replace(camera, transform=moved[path])
         if fault := camera.fault():
             raise SceneError(f"{path or 'camera'}: {fault}")
         self.camera = camera
@@ -235,11 +251,12 @@ class Renderer:
         """Prepare for the camera, the instances and the plan as they are."""
         upload, settings = self._live.upload, self.scene.settings
         self._camera_record = self.camera.record(
-            *self.resolution,
+            *self.data_window.full,
             upload.origin,
             settings.pixelAspectRatio,
             settings.aspectRatioConformPolicy,
             self.device,
+            self.data_window,
         )
         upload.record.energy_compensation = int(self.request.energy_compensation)
         if self.plan.outputs is None:
@@ -253,10 +270,13 @@ class Renderer:
     def _see(self) -> FirstHits:
         upload, camera, effects = self._live.upload, self._camera_record, self.plan.outputs.camera
         if self.plan.visibility == "rays":
-            return RayHits(upload.record, camera, effects, self.device, self.plan.outputs.sdfs)
-        geometries, instances = [part.record for part in upload.parts], upload.rows["geometry"]
+            return RayHits(upload.record, camera, effects, self.device, self.plan.sdfs)
         painter, boxes = self.plan.visibility == "painter", upload.world.boxes
-        return RasterHits(upload.record, geometries, instances, boxes, camera, effects, self.device, painter)
+        instances, rayed = upload.rows["geometry"], upload.boxes_for_rays()
+        triangles = [part.record for part in upload.parts]
+        return RasterHits(
+            upload.record, triangles, instances, rayed, boxes, camera, effects, self.device, painter, self.plan.sdfs
+        )
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
@@ -336,8 +356,9 @@ class Renderer:
         stats["plan"] = plan.as_dict
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
-        facts = self.scene, plan, self.request, camera, self.resolution, samples, seed, self.device
-        return Frame(ordered, stats.settle() if settled else stats, partial(make_receipt, *facts))
+        facts = self.scene, plan, self.request, camera, self.data_window.full, samples, seed, self.device
+        settled_stats = stats.settle() if settled else stats
+        return Frame(ordered, settled_stats, partial(make_receipt, *facts), self.data_window)
 
 
 def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int | None = None, **options) -> Frame:

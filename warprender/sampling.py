@@ -178,6 +178,28 @@ def ggx_visible_normal(wo: wp.vec3, alpha: float, u: wp.vec2) -> wp.vec3:
 
 
 @wp.func
+def interval_of(cdf: wp.array(dtype=wp.float32), u: float) -> int:
+    """Number of the interval of a cumulative distribution, from 0 to 1, in which u lies."""
+    low = wp.int32(0)
+    high = cdf.shape[0] - 2
+    while low < high:
+        middle = (low + high) // 2
+        if u < cdf[middle + 1]:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@wp.func
+def share_of(low: float, high: float, x: float) -> float:
+    """Where x lies between two entries of a cumulative distribution: 0 to 1."""
+    if high <= low:
+        return 0.5
+    return wp.clamp((x - low) / (high - low), 0.0, 1.0)
+
+
+@wp.func
 def power_heuristic(pdf: float, other: float) -> float:
     """Weight of the strategy with density `pdf` beside one with density `other` (Veach, β = 2)."""
     if pdf <= 0.0:

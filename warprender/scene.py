@@ -8,7 +8,7 @@ methods build one in Python.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import warp as wp
@@ -17,7 +17,9 @@ from .bodies import Bodies, Name, ancestors, as_names, pose_array
 from .camera import Camera
 from .lights import Light
 from .materials import DisplayColor, Material
-from .shapes import Mesh, Primvar, Sphere
+from .materials.displacement import displaced
+from .materials.inputs import Varying
+from .shapes import Mesh, Primvar, Sdf, Sphere
 from .watched import Watched
 
 
@@ -40,7 +42,7 @@ class Placement(Watched):
     """
 
     path: str
-    shape: Mesh | Sphere
+    shape: Mesh | Sphere | Sdf
     transforms: np.ndarray
     material: str = ""
     instance_ids: np.ndarray | None = None
@@ -58,14 +60,58 @@ def materials_of(placement: Placement) -> list[str]:
 
 
 @dataclass
-class RenderSettings:
-    """UsdRenderSettings, as far as it is read: resolution in pixels, and the path of the camera."""
+class PictureSettings:
+    """What UsdRenderSettings and UsdRenderProduct both say of a picture; names and defaults as in the schema.
+
+    Attributes:
+        path: path of the prim, "" where the stage has none.
+        resolution: (width, height) in pixels, None where the camera's aspect decides.
+        camera: path of the camera, "" for usdrecord's choice.
+        pixelAspectRatio: width over height of a pixel.
+        aspectRatioConformPolicy: one of `warprender.camera.CONFORM_POLICIES`.
+        dataWindowNDC: left, bottom, right, top of what is drawn, as parts of the picture from its lower left
+            corner; beyond 0 and 1 more than the picture is drawn (overscan).
+        disableMotionBlur: nothing here blurs by motion yet, with it or without.
+        disableDepthOfField: cameras of the stage are taken as pinholes.
+    """
 
     path: str = ""
     resolution: tuple[int, int] | None = None
     camera: str = ""
     pixelAspectRatio: float = 1.0
     aspectRatioConformPolicy: str = "expandAperture"
+    dataWindowNDC: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+    disableMotionBlur: bool = False
+    disableDepthOfField: bool = False
+
+
+@dataclass
+class RenderProduct(PictureSettings):
+    """UsdRenderProduct: one file that the render settings ask for; what it leaves open it has from them.
+
+    Attributes:
+        productName: the file.
+        outputs: outputs that its orderedVars name, as `Renderer` takes them.
+    """
+
+    productName: str = ""
+    outputs: tuple[str, ...] = ("color",)
+
+
+@dataclass
+class RenderSettings(PictureSettings):
+    """UsdRenderSettings.
+
+    Attributes:
+        products: in the order of the relationship.
+        includedPurposes: purposes to draw, None where none are authored.
+        materialBindingPurposes: material purposes in the order of preference, None where none are authored; "" is
+            all purposes.
+    """
+
+    products: tuple[RenderProduct, ...] = ()
+    includedPurposes: tuple[str, ...] | None = None
+    materialBindingPurposes: tuple[str, ...] | None = None
 
 
 @dataclass
@@ -77,7 +123,7 @@ class Scene:
         materials: path to material; the key "" is the material of prims that are bound to none.
         lights: path to light.
         cameras: path to camera.
-        settings: the stage's render settings.
+        settings: the stage's render settings, or one of their products: see `for_product`.
         up_axis: "Y" or "Z".
         meters_per_unit: scene units in metres; lights are not scaled by it.
         source: file that the scene was read from, "" for one built in Python.
@@ -92,7 +138,7 @@ class Scene:
     materials: dict[str, Material] = field(default_factory=lambda: {"": DisplayColor()})
     lights: dict[str, Light] = field(default_factory=dict)
     cameras: dict[str, Camera] = field(default_factory=dict)
-    settings: RenderSettings = field(default_factory=RenderSettings)
+    settings: PictureSettings = field(default_factory=RenderSettings)
     up_axis: str = "Y"
     meters_per_unit: float = 0.01
     source: str = ""
@@ -106,6 +152,10 @@ class Scene:
         if message not in self.warnings:
             self.warnings.append(message)
 
+    def for_product(self, product: RenderProduct) -> Scene:
+        """This scene as `product` pictures it; everything but `settings` is shared."""
+        return replace(self, settings=product)
+
     @property
     def meshes(self) -> dict[str, Mesh]:
         """The meshes by the path of the prim that places them; instances of one prim share a mesh."""
@@ -116,7 +166,7 @@ class Scene:
         path: str,
         points: np.ndarray | wp.array,
         faces: np.ndarray | Sequence,
-        material: Material | None = None,
+        material: Material | str | None = None,
         pose: object = None,
         normals: np.ndarray | None = None,
         color: np.ndarray | Sequence | None = None,
@@ -130,7 +180,9 @@ class Scene:
                 which is used in place, not copied.
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
-            material: None draws `color` as a Lambert surface.
+            material: None draws `color` as a Lambert surface; a path takes
+                the material of the scene that other prims are bound to. One with a
+                displacement moves a copy of the points.
             pose: object to world: `wp.transformf`, seven numbers (position, quaternion xyzw), a (4, 4) matrix for
                 row vectors (p' = p M, translation in the last row), or None for the identity.
             normals: (N, 3) shading normals in object space, of any length, or None for flat shading.
@@ -163,6 +215,7 @@ class Scene:
             if st.shape != (len(host), 2):
                 raise SceneError(f"{path}: st has shape {st.shape}, not {(len(host), 2)}")
             mesh.primvars["st"] = Primvar(st, "vertex")
+        mesh = self._displaced(path, mesh, material)
         self._place(path, mesh, material, pose)
         return mesh
 
@@ -170,7 +223,7 @@ class Scene:
         self,
         path: str,
         radius: float = 1.0,
-        material: Material | None = None,
+        material: Material | str | None = None,
         pose: object = None,
         color: Sequence | None = None,
     ) -> Sphere:
@@ -193,8 +246,55 @@ class Scene:
         sphere = Sphere(radius)
         if color is not None:
             sphere.primvars["displayColor"] = _vectors(path, "color", color, 1)
+        sphere = self._displaced(path, sphere, material)
         self._place(path, sphere, material, pose)
         return sphere
+
+    def add_sdf(
+        self,
+        path: str,
+        distance: wp.Function | np.ndarray,
+        bounds: np.ndarray | Sequence,
+        material: Material | str | None = None,
+        pose: object = None,
+        color: Sequence | None = None,
+        lipschitz: float = 1.0,
+        precision: float | None = None,
+        parameters: Sequence[float] = (),
+    ) -> Sdf:
+        """Add a solid given by a signed distance: negative inside, positive outside.
+
+        Args:
+            path: prim path, unique in the scene.
+            distance: a `wp.func` of a `wp.vec3` in object space, or of that and `parameters` as a `wp.vec4`, that
+                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds.
+            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end.
+            material: as in `add_mesh`.
+            pose: as in `add_mesh`.
+            color: one (3,) colour, as in `add_mesh`.
+            lipschitz: the function changes by no more than this times the way; 1 for true distances. Samples
+                have their own.
+            precision: thinner parts than this may be missed, in object space; None takes 2^-16 of the diagonal.
+            parameters: up to four numbers for `distance`; `Sdf.parameters` may change.
+
+        Returns:
+            The solid.
+
+        Raises:
+            SceneError: the path is taken, or an argument is not as described; no material has this path.
+        """
+        self._claim(path)
+        given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
+        try:
+            sdf = Sdf(bounds=bounds, lipschitz=lipschitz, precision=precision, parameters=tuple(parameters), **given)
+        except (TypeError, ValueError) as error:
+            raise SceneError(f"{path}: {error}") from None
+        if fault := sdf.fault():
+            raise SceneError(f"{path}: {fault}")
+        if color is not None:
+            sdf.primvars["displayColor"] = _vectors(path, "color", color, 1)
+        self._place(path, self._displaced(path, sdf, material), material, pose)
+        return sdf
 
     def add_instances(self, path: str, prototype: str, poses: Sequence | np.ndarray) -> Placement:
         """Draw the shape of the prim `prototype` once more for each pose; it is stored once.
@@ -352,9 +452,28 @@ class Scene:
         if path in self.placements or path in self.lights or path in self.cameras:
             raise SceneError(f"{path}: the path is already in the scene")
 
-    def _place(self, path: str, shape: Mesh | Sphere, material: Material | None, pose: object) -> None:
+    def _displaced(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None) -> Mesh | Sphere | Sdf:
+        """The shape with its points moved as its material says; unmoved, with a warning, where they cannot be."""
+        material = self.materials.get(material) if isinstance(material, str) else material
+        displacement = getattr(material, "displacement", 0.0)
+        if not isinstance(displacement, Varying) and displacement == 0.0:
+            return shape
+        if isinstance(getattr(shape, "stored", None), wp.array):
+            self.warn(f"{path}: it is not displaced: its points are used in place")
+            return shape
+        try:
+            return displaced(shape, displacement)
+        except ValueError as error:
+            self.warn(f"{path}: it is drawn without its displacement: {error}")
+            return shape
+
+    def _place(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None, pose: object) -> None:
         key = ""
-        if material is not None:
+        if isinstance(material, str):
+            key = material
+            if key not in self.materials:
+                raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
+        elif material is not None:
             key = f"{path}/material"
             self.materials[key] = material
         self.placements[path] = Placement(path, shape, pose_matrix(pose, path)[None], key)

@@ -9,8 +9,9 @@ from .attaching import Rig
 from .lights import Light
 from .material_tables import MaterialTables
 from .materials.albedo import albedo_table
-from .records import DeviceScene, GeometryRecord, InstanceRecord, PrimvarRecord
+from .records import DeviceScene, GeometryRecord, InstanceRecord, PrimvarRecord, SdfRecord
 from .scene import Placement, Scene, copies_of, materials_of
+from .shapes import Sdf, Sphere
 from .texels import TEXTURE_BYTES
 from .upload_lights import LightUpload, Placed
 from .upload_shapes import Part, ShapeUpload
@@ -39,9 +40,12 @@ class Upload:
         origin: np.ndarray,
         device: str,
         texture_bytes: int = TEXTURE_BYTES,
+        sdfs: tuple[wp.Function, ...] = (),
         before: Upload | None = None,
     ) -> None:
         """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32.
+
+        `sdfs` are the plan's signed distance functions, in its order.
 
         Pictures are made smaller until all of them take `texture_bytes` at most. Shapes and pictures that are as they
         were in the upload `before` are taken over from it.
@@ -60,6 +64,7 @@ class Upload:
         self._kept += self._tables.fill(self.record, device)
         self.record.albedo = self._array(albedo_table(), wp.vec4)
         self._upload_shapes(self._reusable(before))
+        self._upload_sdfs(sdfs)
         self._place()
         self.lights = before.lights if before else None
         self.light(lights)
@@ -136,11 +141,32 @@ class Upload:
     def _point_to_shapes(self) -> None:
         record, slots = self.record, len(self._tables.slots)
         primvars = [primvar for part in self.parts for primvar in part.primvars]
-        record.geometries = self._array([part.record for part in self.parts], GeometryRecord)
         record.primvars = self._array(primvars, PrimvarRecord)
         record.primvar_count = slots
         used = [any(p.interpolation >= 0 for p in primvars[k::slots]) for k in range(2)]
         record.display_color, record.display_opacity = (k if used[k] else -1 for k in range(2))
+
+    def _upload_sdfs(self, functions: tuple[wp.Function, ...]) -> None:
+        """Number the signed distance functions among the shapes."""
+        records = []
+        for part in self.parts:
+            if part.sdf is not None:
+                part.record.sdf, part.sdf.function = len(records), functions.index(part.shape.kernel_function())
+                records.append(part.sdf)
+        self.record.sdfs = self._array(records, SdfRecord)
+        self.record.geometries = self._array([part.record for part in self.parts], GeometryRecord)
+        those = [number for number, part in enumerate(self.parts) if part.sdf is not None]
+        self.record.sdf_instances = self._array(np.flatnonzero(np.isin(self.rows["geometry"], those)), wp.int32)
+
+    def boxes_for_rays(self) -> np.ndarray:
+        """(G, 2, 3) object boxes of the shapes that only rays find, empty ones of the others."""
+        boxes = np.zeros((len(self.parts), 2, 3))
+        for box, part in zip(boxes, self.parts, strict=True):
+            if isinstance(part.shape, Sphere):
+                box[:] = [[-part.shape.radius], [part.shape.radius]]
+            elif isinstance(part.shape, Sdf):
+                box[:] = part.shape.bounds
+        return boxes
 
     def _place(self) -> None:
         """The tree that rays walk, over instances in the order of their records."""

@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
-from .emitters import emits, triangle_areas
+from .emitters import emits
 from .lights import DomeLight, IesProfile, Light, LightTexture, MeshLight
 from .lights.dispatch import kind_of
 from .lights.linking import LinkSets
+from .lights.mesh import BOTH, OUTSIDE, OUTSIDE_BEHIND
 from .lights.tree import LightBounds, build
 from .records import (
     NOT_DRAWN,
@@ -20,12 +21,14 @@ from .records import (
     SHADOW_PLAIN,
     DeviceScene,
     ImageRecord,
+    LightLeaf,
     LightNode,
     LightRecord,
     ProfileRecord,
 )
 from .scene import Placement, Scene
 from .shapes import Mesh, Sphere
+from .upload_glow import MOST_LEAVES, GlowLeaves, GlowTables, outside_of
 from .upload_shapes import Part
 from .visibility.world_tree import WorldTree
 
@@ -123,15 +126,17 @@ class LightUpload:
         self._prims = {path: number for number, path in enumerate(scene.placements)}
         self._links = LinkSets(scene.placements)
         self._pictures = before._pictures if before else Pictures()
-        self._glow_triangles: list[np.ndarray] = []
-        self._glow_cdf: list[np.ndarray] = []
+        self._glow = GlowTables()
+        self._glow_leaves: dict[int, GlowLeaves] = {}
+        self._portals: list[np.void] = []
         self.radius = placed.radius()
         self._fill(lights, record)
 
     def _fill(self, lights: dict[str, Light], record: DeviceScene) -> None:
         members = self._members(lights)
+        self._glow.each = -(-self._count_glowing(members) // MOST_LEAVES) or 1
         rows = np.zeros(len(members), LightRecord.numpy_dtype())
-        power = np.array([self._row(rows[i], *member) for i, member in enumerate(members)])
+        power = np.array([self._row(rows, i, *member) for i, member in enumerate(members)])
         self._invert(rows, members)
         power[rows["determinant"] <= 0.0] = 0.0
         for number, (_, _, instance) in enumerate(members):
@@ -145,15 +150,20 @@ class LightUpload:
         finite &= ~infinite
         bounds = self._bounds(members, rows, power)
         record.finite_lights, record.infinite_lights = int(finite.sum()), int(infinite.sum())
-        record.light_cdf = self._array(self._choices(rows, bounds, infinite, record), wp.float32)
+        leaves, nodes, cdf = self._tree(rows, bounds, infinite)
+        record.light_cdf = self._array(cdf, wp.float32)
+        record.light_nodes = self._array(nodes, LightNode)
+        record.light_leaves = self._array(leaves, LightLeaf)
         if finite.any():
             self._build_boxes(bounds, finite, record)
         record.lights = self._array(rows, LightRecord)
         record.images = self._array(self._pictures.images, ImageRecord)
         record.profiles = self._array(self._pictures.profiles, ProfileRecord)
         record.link_sets = self._keep(self._links.upload(self.device))
-        record.glow_triangles = self._array(np.concatenate([[], *self._glow_triangles]).astype(np.int32), wp.int32)
-        record.glow_cdf = self._array(np.concatenate([[], *self._glow_cdf]), wp.float64)
+        record.portals = self._array(np.array(self._portals, LightRecord.numpy_dtype()), LightRecord)
+        record.glow_triangles = self._array(np.concatenate([[], *self._glow.triangles]).astype(np.int32), wp.int32)
+        record.glow_cdf = self._array(np.concatenate([[], *self._glow.cdf]), wp.float64)
+        record.glow_leaves = self._array(np.concatenate([[], *self._glow.leaf_of_face]).astype(np.int32), wp.int32)
 
     def _members(self, lights: dict[str, Light]) -> list[tuple[str, Light, int]]:
         """Path, light and instance (-1 for none) of each device light: finite ones, infinite ones, geometry."""
@@ -181,10 +191,18 @@ class LightUpload:
             light = replace(light, materialSyncMode="independent")
         return [(path, light, int(copy)) for copy in copies]
 
-    def _row(self, row: np.void, path: str, light: Light, instance: int) -> float:
+    def _count_glowing(self, members: list[tuple[str, Light, int]]) -> int:
+        """Triangles of all geometry that glows."""
+        shapes = [self._placed.instances["geometry"][instance] for _, _, instance in members if instance >= 0]
+        return sum(int(self._placed.parts[int(g)].drawn.sum()) for g in shapes)
+
+    def _row(self, rows: np.ndarray, number: int, path: str, light: Light, instance: int) -> float:
         """Fill what a light's record takes from the light alone; returns its power."""
+        row = rows[number]
+        row["leaf"] = row["first_face"] = -1
+        emission = 1.0
         if isinstance(light, MeshLight):
-            light = self._glow_row(row, light, instance)
+            light, emission = self._glow_row(row, number, light, instance)
         else:
             row["linear"] = light.local_to_world().T
             row["position"] = light.transform[3, :3] - self._placed.origin
@@ -195,50 +213,75 @@ class LightUpload:
         row["diffuse"], row["specular"] = light.diffuse, light.specular
         row["is_dome"] = light.kind().startswith("DomeLight")
         row["image"] = self._image(path, light)
+        if isinstance(light, DomeLight) and light.portals:
+            row["first"], row["count"] = len(self._portals), len(light.portals)
+            self._portals += [self._portal_row(path, portal.opening()) for portal in light.portals]
         self._shaping_row(row, light)
         self._shadow_row(row, light)
-        return max(light.power(self.radius), 0.0)
+        return max(light.power(self.radius) * emission, 0.0)
 
-    def _glow_row(self, row: np.void, light: MeshLight, instance: int) -> MeshLight:
-        """Fill the part of geometry that glows; returns the light with its area."""
+    def _portal_row(self, path: str, opening: Light) -> np.void:
+        """The record of a rectangle through which a dome is aimed at; of determinant 0 where it is not one."""
+        rows = np.zeros(1, LightRecord.numpy_dtype())
+        rows["linear"], rows["size"] = opening.local_to_world().T, opening.size()
+        rows["position"], rows["radiance"] = opening.transform[3, :3] - self._placed.origin, 1.0
+        self._invert(rows, [(f"{path}: portal", opening, -1)])
+        if not opening.size_factor() > 0:
+            rows["determinant"] = 0.0
+        return rows[0]
+
+    def _glow_row(self, row: np.void, number: int, light: MeshLight, instance: int) -> tuple[MeshLight, float]:
+        """Fill the part of geometry that glows; returns the light with its area, and what its materials emit."""
         place = self._placed.places["to_world"][instance]
         row["instance"] = instance
         row["linear"], row["position"] = place[:, :3], place[:, 3]
         alone = light.materialSyncMode != "materialGlowTintsLight"
         part = self._placed.parts[int(self._placed.instances["geometry"][instance])]
-        shape, linear = part.shape, place[:, :3].astype(np.float64)
+        shape, placement, kept = part.shape, self._scene.placements[light.prim], part.drawn
+        linear = place[:, :3].astype(np.float64)
         if isinstance(shape, Sphere):
-            size = shape.radius
-            area = 4 * np.pi * size**2 * abs(np.linalg.det(linear)) ** (2 / 3)
-        else:
-            size = area = self._glow_triangles_of(row, light, part, linear)
-        row["size"] = (size, alone, light.bothSides)
-        return replace(light, area=area)
+            row["size"] = (shape.radius, alone, light.bothSides)
+            area = 4 * np.pi * shape.radius**2 * abs(np.linalg.det(linear)) ** (2 / 3)
+            return replace(light, area=area), 1.0 if alone else self._emission(placement.material)
+        shines = np.ones(int(kept.sum())) if alone else self._emissions(placement, shape)[shape.faces[kept]]
+        row["size"] = (0.0, alone, light.bothSides)
+        area, emission = self._glow_triangles(row, number, shape, shape.triangles[kept], shines)
+        return replace(light, area=area), emission
 
-    def _glow_triangles_of(self, row: np.void, light: MeshLight, part: Part, linear: np.ndarray) -> float:
-        """Table of the triangles of an instance that emit, by their world areas; returns the area of all."""
-        mesh, kept = part.shape, part.drawn
-        areas = triangle_areas(mesh.host_points().astype(np.float64) @ linear.T, mesh.triangles[kept])
-        if light.materialSyncMode == "materialGlowTintsLight":
-            areas = np.where(self._emitting(self._scene.placements[light.prim], mesh)[mesh.faces[kept]], areas, 0.0)
-        chosen = np.flatnonzero((areas > 0) & np.isfinite(areas))
-        row["first_triangle"] = sum(map(len, self._glow_triangles))
-        row["triangles"] = len(chosen)
-        if not len(chosen):
-            return 0.0
-        total = areas[chosen].sum()
-        cdf = np.cumsum(areas[chosen]) / total
-        cdf[-1] = 1.0
-        self._glow_triangles.append(chosen)
-        self._glow_cdf.append(cdf)
-        return float(total)
+    def _glow_triangles(
+        self, row: np.void, number: int, mesh: Mesh, triangles: np.ndarray, emission: np.ndarray
+    ) -> tuple[float, float]:
+        """Make leaves of an instance's triangles that emit; their area, and their mean emission."""
+        linear, middle = row["linear"].astype(np.float64), row["position"].astype(np.float64)
+        sides = int(row["size"][2])
+        with np.errstate(all="ignore"):
+            corners = mesh.host_points().astype(np.float64)[triangles]
+            # What is not finite is not drawn, and gives no light.
+            emission = np.where(np.isfinite(corners).all((1, 2)), emission, 0.0)
+            corners = np.where(np.isfinite(corners), corners, 0.0)
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normals = normals @ np.linalg.pinv(linear) if np.isfinite(linear).all() else normals
+            outside = outside_of(corners[emission > 0], triangles[emission > 0]) if sides == BOTH else 0
+            normals = normals * (outside or 1)
+            leaves = self._glow.add(corners @ linear.T + middle, normals, emission, sides == BOTH and outside == 0)
+        row["first_face"] = leaves.first_face
+        if leaves.bounds is None:
+            return 0.0, 0.0
+        # The record by itself stands for the first leaf.
+        row["first"], row["count"] = leaves.first[0], leaves.count[0]
+        sides = (sides, OUTSIDE, OUTSIDE_BEHIND)[outside]
+        row["size"] = (leaves.area[0], row["size"][1], sides)
+        self._glow_leaves[number] = leaves
+        return float(leaves.area.sum()), float(leaves.emitted / leaves.area.sum())
 
-    def _emitting(self, placement: Placement, mesh: Mesh) -> np.ndarray:
-        """(F,) bool: the authored faces whose material emits."""
-        glows = {key: material.largest_emission() > 0 for key, material in self._scene.materials.items()}
-        faces = np.full(int(mesh.faces.max()) + 1, glows[placement.material])
+    def _emission(self, key: str) -> float:
+        return self._scene.materials[key].largest_emission()
+
+    def _emissions(self, placement: Placement, mesh: Mesh) -> np.ndarray:
+        """(F,) what the material of each authored face emits, at most."""
+        faces = np.full(int(mesh.faces.max()) + 1, self._emission(placement.material))
         for key, subset in mesh.face_materials.items():
-            faces[subset[subset < len(faces)]] = glows[key]
+            faces[subset[subset < len(faces)]] = self._emission(key)
         return faces
 
     def _image(self, path: str, light: Light) -> int:
@@ -294,10 +337,14 @@ class LightUpload:
         axis = np.einsum("kij,kj->ki", linear, np.array([cone[0] for cone in cones]).reshape(-1, 3))
         axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300)
         spread, fade = np.array([cone[1:] for cone in cones]).reshape(-1, 2).T
-        return LightBounds(lower, upper, axis, spread, fade, power)
+        return LightBounds(lower, upper, axis, spread, fade, power, np.zeros(len(power), bool), spread == 0.0)
 
-    def _choices(self, rows: np.ndarray, bounds: LightBounds, infinite: np.ndarray, record: DeviceScene) -> np.ndarray:
-        """Build the tree and set the probabilities; returns the distribution over infinite lights and the tree."""
+    def _tree(
+        self, rows: np.ndarray, bounds: LightBounds, infinite: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Set the lights' probabilities and leaves; the leaves, the nodes, and the distribution over infinite lights
+        and the tree.
+        """
         placed = np.flatnonzero(~infinite & (bounds.power > 0))
         powers = np.append(bounds.power[infinite], bounds.power[placed].sum())
         chosen = powers > 0
@@ -305,16 +352,46 @@ class LightUpload:
         if chosen.any():
             # Half by power, half alike: no light in the scene is left to starve beside a strong one.
             share = np.where(chosen, 0.5 * powers / powers.sum() + 0.5 / chosen.sum(), 0.0)
-        rows["choice"][infinite] = share[:-1]
-        nodes = np.zeros(0, LightNode.numpy_dtype())
-        if len(placed):
-            rows["choice"][placed] = share[-1]
-            nodes, rows["trail"][placed] = build(bounds.of(placed), placed)
-        record.light_nodes = self._array(nodes, LightNode)
+        rows["choice"][infinite], rows["choice"][placed] = share[:-1], share[-1]
         cdf = np.cumsum(share)
         if chosen.any():
             cdf[np.flatnonzero(chosen)[-1] :] = 1.0
-        return cdf.astype(np.float32)
+        leaves, nodes = np.zeros(0, LightLeaf.numpy_dtype()), np.zeros(0, LightNode.numpy_dtype())
+        if len(placed):
+            leaves, parts = self._leaves(rows, bounds, placed)
+            nodes, leaves["trail"] = build(parts)
+        return leaves, nodes, cdf.astype(np.float32)
+
+    def _leaves(self, rows: np.ndarray, bounds: LightBounds, placed: np.ndarray) -> tuple[np.ndarray, LightBounds]:
+        """A leaf for each light, many for one of triangles, whose faces' leaves are numbered on."""
+        alone = np.array([number for number in placed if number not in self._glow_leaves], int)
+        leaves = np.zeros(len(alone), LightLeaf.numpy_dtype())
+        leaves["light"], rows["leaf"][alone] = alone, np.arange(len(alone))
+        parts, used = [bounds.of(alone)], len(alone)
+        records = [leaves]
+        offsets = {}
+        for number in placed:
+            if number not in self._glow_leaves:
+                continue
+            own = self._glow_leaves[number]
+            leaves = np.zeros(len(own.area), LightLeaf.numpy_dtype())
+            leaves["light"], leaves["first"], leaves["count"], leaves["area"] = number, own.first, own.count, own.area
+            records.append(leaves)
+            share = bounds.power[number] / own.bounds.power.sum()
+            parts.append(replace(own.bounds, power=own.bounds.power * share))
+            offsets[own.first_face] = used
+            used += len(leaves)
+        self._number_faces(offsets)
+        return np.concatenate(records), LightBounds.joined(parts)
+
+    def _number_faces(self, offsets: dict[int, int]) -> None:
+        """Make the leaves of faces numbers among all leaves; -1 where the light is not aimed at."""
+        first_face = 0
+        for faces in self._glow.leaf_of_face:
+            if len(faces):
+                offset = offsets.get(first_face)
+                faces[:] = np.where(faces >= 0, faces + offset, -1) if offset is not None else -1
+            first_face += len(faces)
 
     def _build_boxes(self, bounds: LightBounds, finite: np.ndarray, record: DeviceScene) -> None:
         """The tree of boxes by which rays meet the finite lights; boxes grow by more than a rounded corner."""

@@ -8,11 +8,11 @@ import numpy as np
 import warp as wp
 
 from .material_tables import Slot, Tangents
-from .records import GeometryRecord, PrimvarRecord
+from .records import GeometryRecord, PrimvarRecord, SdfRecord
 from .scene import Placement, SceneError
-from .shapes import SHAPES, Mesh, Sphere
+from .shapes import SHAPES, Mesh, Sdf, Sphere
 from .shapes.primvar import INTERPOLATIONS, absent_primvar
-from .visibility.trees import MeshTree, SphereShape
+from .visibility.trees import MeshTree, SdfShape, SphereShape
 from .watched import contents, same
 
 #: Attributes of a mesh that say nothing of what it is made of.
@@ -33,17 +33,19 @@ class Part:
         drawn: (T,) bool, the triangles of a mesh that are on the device.
         source: the points that the simulation writes; `record.points`, or what these are copied from.
         missing: faces of the tree that were left out at the upload.
+        sdf: the device's record of a signed distance function.
     """
 
     path: str
-    shape: Mesh | Sphere
+    shape: Mesh | Sphere | Sdf
     contents: list[object]
     record: GeometryRecord
-    tree: MeshTree | SphereShape
+    tree: MeshTree | SphereShape | SdfShape
     primvars: list[PrimvarRecord] = field(default_factory=list)
     drawn: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     source: wp.array | None = None
     missing: int = 0
+    sdf: SdfRecord | None = None
 
     def is_current(self) -> bool:
         """Whether the shape is still what it was made from, but for the values of its points."""
@@ -85,13 +87,16 @@ class ShapeUpload:
     def part(self, path: str, placement: Placement) -> Part | None:
         """The placement's shape, None where there is nothing to draw."""
         shape = placement.shape
-        part = self._mesh(path, shape, placement.material) if isinstance(shape, Mesh) else self._sphere(path, shape)
+        if isinstance(shape, Mesh):
+            part = self._mesh(path, shape, placement.material)
+        else:
+            part = self._sphere(path, shape) if isinstance(shape, Sphere) else self._sdf(path, shape)
         if part is not None:
             part.record.kind = SHAPES.index(type(shape))
             part.primvars = [self._primvar(shape, part.drawn, slot) for slot in self._slots]
         return part
 
-    def _primvar(self, shape: Mesh | Sphere, keep: np.ndarray, slot: Slot) -> PrimvarRecord:
+    def _primvar(self, shape: Mesh | Sphere | Sdf, keep: np.ndarray, slot: Slot) -> PrimvarRecord:
         """What a shape has in a slot; `keep` (T,) bool are the triangles of a mesh that are drawn."""
         if not isinstance(slot, Tangents):
             primvar = shape.primvars.get(slot)
@@ -116,6 +121,11 @@ class ShapeUpload:
         record.radius = sphere.radius
         record.normals = absent_primvar()
         return Part(path, sphere, contents(sphere), record, SphereShape(sphere.radius))
+
+    def _sdf(self, path: str, sdf: Sdf) -> Part:
+        record = GeometryRecord()
+        record.normals = absent_primvar()
+        return Part(path, sdf, contents(sdf), record, SdfShape(sdf.bounds), sdf=sdf.record(self.device))
 
     def _mesh(self, path: str, mesh: Mesh, material: str) -> Part | None:
         keep, finite = _drawable_triangles(mesh)

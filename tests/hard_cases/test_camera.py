@@ -1,8 +1,10 @@
-"""Hard cases C2, C3, C6 to C8 of the catalogue: mirrored and flattened transforms, extreme and senseless cameras."""
+"""Hard cases C1 to C9 of the catalogue: far, mirrored, flattened, nested and turning transforms, senseless cameras."""
 
 import numpy as np
 import pytest
 import warp as wp
+from pictures import outputs
+from pictures import picture as lit_picture
 from usd_stage import scene_of
 
 from warprender.camera import Camera, camera_ray_function
@@ -182,3 +184,100 @@ def test_inside_glass():
     color = frame.numpy("color")
     assert np.isfinite(color).all() and frame.stats["dropped samples"] == 0
     assert 0.5 < color[..., 0].mean() <= 1 + 1e-4, "no light is made"
+
+
+#: A unit cube and a camera of its own, five units away, both moved together; the light is at the camera.
+CUBE = """def Xform "x" {{ double3 xformOp:translate = {place}
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    def Cube "cube" {{ double size = 1 }}
+    def Camera "eye" {{ double3 xformOp:translate = (1.3, 2.2, 4.3)
+        float3 xformOp:rotateXYZ = (-26, 16, 0)
+        float2 clippingRange = (0.1, 100)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"] }} }}
+"""
+
+
+@pytest.mark.parametrize("distance", [1e5, 1e6, 1e7], ids=lambda d: f"C1-{d:g}")
+def test_far_from_the_origin_the_picture_is_the_same(distance):
+    """1e7 units are the catalogue's 10,000 km; moved by numbers that float32 cannot hold."""
+    pictures = []
+    for place in ((0, 0, 0), (distance + 0.1, -2 * distance, distance / 3)):
+        scene = scene_of(CUBE.format(place=place))
+        names = ("primId", "normal", "cameraDepth", "albedo")
+        pictures.append(outputs(scene, scene.cameras["/x/eye"], names, 32))
+        pictures[-1]["color"] = lit_picture(scene, scene.cameras["/x/eye"], 32, 4, bounces=0)[0]
+    here, there = pictures
+    np.testing.assert_array_equal(here["primId"], there["primId"])
+    assert (here["primId"] == 0).mean() > 0.03
+    for name in ("normal", "cameraDepth", "albedo"):
+        np.testing.assert_allclose(here[name], there[name], atol=1e-5)
+    np.testing.assert_allclose(here["color"], there["color"], atol=1 / 255)
+
+
+def test_a_chain_of_twenty_turns_and_steps_composes_in_float64():
+    """C4: the catalogue has 2.5e-5 for a chain in float32."""
+    text, expected = 'def Sphere "s" { }', np.eye(4)
+    for i in range(20):
+        angle = 17.0 + i
+        text = f"""def Xform "x{i}" {{ double3 xformOp:translate = (10, {i}, -3)
+            double xformOp:rotateZ = {angle}
+            double xformOp:rotateX = {2 * angle}
+            uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateZ", "xformOp:rotateX"] {text} }}"""
+        c, s = np.cos(np.radians([angle, 2 * angle])), np.sin(np.radians([angle, 2 * angle]))
+        about_z = np.array([(c[0], s[0], 0, 0), (-s[0], c[0], 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)])
+        about_x = np.array([(1, 0, 0, 0), (0, c[1], s[1], 0), (0, -s[1], c[1], 0), (0, 0, 0, 1)])
+        step = np.eye(4)
+        step[3, :3] = 10, i, -3
+        expected = expected @ about_x @ about_z @ step
+    (placement,) = scene_of(text).placements.values()
+    np.testing.assert_allclose(placement.transforms[0], expected, atol=1e-11)
+    linear = placement.transforms[0, :3, :3]
+    np.testing.assert_allclose(linear @ linear.T, np.eye(3), atol=1e-14)
+
+
+def test_a_turn_that_drifted_is_made_one_again():
+    """C9: 1e5 products in float32; the camera's axes are of unit length and at right angles all the same."""
+    angle = np.float32(1e-3)
+    step = np.array([(1, angle, 0), (-angle, 1, angle), (0, -angle, 1)], np.float32)
+    turn = np.eye(3, dtype=np.float32)
+    for _ in range(3000):
+        turn = turn @ step
+    assert abs(np.linalg.det(turn) - 1) > 4e-3, "the catalogue's drift, reached in fewer steps"
+    transform = np.eye(4)
+    transform[:3, :3] = turn
+    axes = Camera(transform=transform).frame_of_reference()
+    np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-15)
+    record = Camera(transform=transform).record(8, 8, np.zeros(3))
+    rotation = np.array(record.rotation, np.float64).reshape(3, 3)
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=3e-7)
+
+
+@pytest.mark.parametrize("op, zero, half_turn", [
+    pytest.param("quatf xformOp:orient", "(1, 0, 0, 0)", "(0, 0, 0, 1)", id="C5-quaternions"),
+    pytest.param("float xformOp:rotateZ", "0", "180", id="C5-angles"),
+])  # fmt: skip
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.75])
+def test_turns_between_samples_are_turns(op, zero, half_turn, share):
+    name = op.split()[1]
+    scene = scene_of(
+        f"""def Sphere "s" {{ {op}.timeSamples = {{ 0: {zero}, 1: {half_turn}, }}
+            uniform token[] xformOpOrder = ["{name}"] }}""",
+        time=share,
+    )
+    matrix = scene.placements["/s"].transforms[0, :3, :3]
+    np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-6)
+    # At exactly half a turn either way round is right.
+    x, y = np.cos(np.pi * share), np.sin(np.pi * share)
+    np.testing.assert_allclose(np.abs(matrix[0]), [abs(x), y, 0], atol=1e-6)
+    assert matrix[0, 0] == pytest.approx(x, abs=1e-6)
+
+
+def test_matrices_between_samples_are_mixed_element_by_element():
+    """C5: as USD has it; half way between opposite matrices nothing is left, and that is said and not drawn."""
+    text = """def Sphere "s" { matrix4d xformOp:transform.timeSamples = {
+            0: ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+            1: ((-1, 0, 0, 0), (0, -1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)), }
+        uniform token[] xformOpOrder = ["xformOp:transform"] }"""
+    np.testing.assert_allclose(np.diag(scene_of(text, time=0.25).placements["/s"].transforms[0]), [0.5, 0.5, 1, 1])
+    halfway = scene_of(text, time=0.5)
+    assert not halfway.placements and [w for w in halfway.warnings if w.startswith("/s:")]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from usd_stage import scene_of
 
+from warprender import images
 from warprender.renderer import Renderer
 from warprender.scene import Placement, Scene
 from warprender.shapes import Mesh
@@ -74,7 +75,7 @@ def signed_areas(corners: np.ndarray) -> np.ndarray:
 L_SHAPE = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (1, 2, 0), (0, 2, 0)]
 
 
-@pytest.mark.parametrize("first", range(6))
+@pytest.mark.parametrize("first", range(6), ids="U2-concave-{}".format)
 def test_concave_polygon_is_filled_once(first):
     """U2: no hole and no overlap, whichever corner comes first."""
     areas = signed_areas(triangles_of(L_SHAPE[first:] + L_SHAPE[:first]))
@@ -249,7 +250,9 @@ def _above(x: float, y: float):
     return Camera("orthographic", horizontalAperture=20, verticalAperture=20, transform=transform)
 
 
-@pytest.mark.parametrize("unit, warned", [(0.01, False), (0.001, False), (1, False), (0, True), (-1, True)])
+@pytest.mark.parametrize(
+    "unit, warned", [(0.01, False), (0.001, False), (1, False), (0, True), (-1, True)], ids="U6-{}".format
+)
 def test_units_leave_the_picture_alone(unit, warned):
     """U6: metersPerUnit says what a unit is, not how large the picture is."""
     scene = scene_of(GOOD, f"metersPerUnit = {unit}")
@@ -270,7 +273,7 @@ def test_the_up_axis_turns_the_automatic_camera():
     assert (pictures[0] == 0).any()
 
 
-@pytest.mark.parametrize("number", [2**24 + 1, 2**31 - 1])
+@pytest.mark.parametrize("number", [2**24 + 1, 2**31 - 1], ids="U7-{}".format)
 def test_ids_survive(number):
     """U7: float32 cannot hold 16 777 217."""
     mesh = Mesh.from_polygons(np.array([(-9, -9, 0), (9, -9, 0), (0, 9, 0)], np.float32), [3], [0, 1, 2])
@@ -281,20 +284,44 @@ def test_ids_survive(number):
 
 def test_a_texture_that_is_not_there():
     """U8: one warning, and the fallback colour."""
+    albedo, scene = textured("not_there.png")
+    np.testing.assert_allclose(albedo, (0.25, 0.5, 0.75), rtol=1e-5)
+    assert len([w for w in scene.warnings if w.startswith("/m/")]) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n", b"no picture"], ids="U8-{}".format)
+def test_a_texture_without_pixels(tmp_path, content):
+    (tmp_path / "broken.png").write_bytes(content)
+    albedo, scene = textured(tmp_path / "broken.png")
+    np.testing.assert_allclose(albedo, (0.25, 0.5, 0.75), rtol=1e-5)
+    assert len([w for w in scene.warnings if w.startswith("/m/")]) == 1
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 16384), (16384, 1), (16384, 16)], ids=lambda s: f"U8-{s[1]}x{s[0]}")
+def test_a_texture_of_extreme_size(tmp_path, size):
+    images.write_png(tmp_path / "big.png", np.full((*size, 4), (0.5, 0.25, 0.125, 1)), color_correction="disabled")
+    albedo, scene = textured(tmp_path / "big.png")
+    np.testing.assert_allclose(albedo, np.array([128, 64, 32]) / 255, rtol=1e-5)
+    assert not scene.warnings
+
+
+def textured(file):
+    """Albedo (3,) of a surface with a texture in the middle of the picture, and the scene."""
     scene = scene_of(
         GOOD.replace('"good"', '"good" ( apiSchemas = ["MaterialBindingAPI"] )').replace(
             "point3f[]", "rel material:binding = </m>\n point3f[]"
         )
-        + """def Material "m" { token outputs:surface.connect = </m/s.outputs:surface>
-        def Shader "s" { uniform token info:id = "UsdPreviewSurface"
+        + f"""def Material "m" {{ token outputs:surface.connect = </m/s.outputs:surface>
+        def Shader "s" {{ uniform token info:id = "UsdPreviewSurface"
             int inputs:useSpecularWorkflow = 1
             color3f inputs:diffuseColor.connect = </m/t.outputs:rgb>
-            token outputs:surface }
-        def Shader "t" { uniform token info:id = "UsdUVTexture"
-            asset inputs:file = @not_there.png@
+            token outputs:surface }}
+        def Shader "t" {{ uniform token info:id = "UsdUVTexture"
+            asset inputs:file = @{file}@
+            float2 inputs:st = (0.5, 0.5)
+            token inputs:sourceColorSpace = "raw"
             float4 inputs:fallback = (0.25, 0.5, 0.75, 1)
-            float3 outputs:rgb } }"""
+            float3 outputs:rgb }} }}"""
     )
     albedo = Renderer(scene, "/eye", (32, 32), outputs=("albedo",)).render().numpy("albedo")
-    np.testing.assert_allclose(albedo[16, 16], (0.25, 0.5, 0.75), rtol=1e-5)
-    assert len([w for w in scene.warnings if w.startswith("/m/")]) == 1
+    return albedo[16, 16], scene

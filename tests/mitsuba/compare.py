@@ -3,9 +3,13 @@
     python tests/mitsuba/compare.py cornell --mitsuba PYTHON > tests/mitsuba/cornell.txt
     python tests/mitsuba/compare.py lights --mitsuba PYTHON > tests/mitsuba/lights.txt
     python tests/mitsuba/compare.py dome --mitsuba PYTHON > tests/mitsuba/dome.txt
+    python tests/mitsuba/compare.py glass --samples 1024 --mitsuba PYTHON > tests/mitsuba/glass.txt
+    python tests/mitsuba/compare.py rough --samples 1024 --mitsuba PYTHON > tests/mitsuba/rough.txt
 
 PYTHON is the interpreter of an environment with `pip install mitsuba`. Both renderers get the same triangles, which
-are read from warprender's own scene. Lambert surfaces only: the other materials of the two are not the same model.
+are read from warprender's own scene. Lambert surfaces and dielectrics only: the other materials of the two are not the
+same model. Nor are rough dielectrics quite: Mitsuba masks reflection by the product of both directions' Smith terms,
+warprender by the height-correlated one.
 """
 
 from __future__ import annotations
@@ -70,6 +74,54 @@ def dome() -> wr.Scene:
     return scene
 
 
+def glass() -> wr.Scene:
+    """Balls, a block and a pane of smooth glass on a floor, under a dome and a lamp."""
+    scene = wr.Scene()
+    clear, bubble = wr.Dielectric(), wr.Dielectric(ior=1 / 1.5)
+    scene.add_sphere("/ball", 0.9, material=clear, pose=(-1.2, 0.9, 0.0, 0, 0, 0, 1))
+    # A shell: the inner boundary is seen from the glass, where the index inside it is that of air to glass.
+    scene.add_sphere("/shell", 0.7, material=clear, pose=(1.0, 0.7, 0.9, 0, 0, 0, 1))
+    scene.add_sphere("/air", 0.6, material=bubble, pose=(1.0, 0.7, 0.9, 0, 0, 0, 1))
+    block = np.diag([0.6, 1.1, 0.6, 1.0])
+    block[3, :3] = 1.3, 1.11, -1.2
+    scene.add_mesh(
+        "/block", *scenes.cube(2.0), material=wr.Dielectric(ior=1.33), pose=scenes.look_at((0.4, 0.2, 1)) @ block
+    )
+    pane = scenes.look_at((0.5, 0.0, 1.0))
+    pane[3, :3] = -0.4, 0.8, 1.8
+    scene.add_mesh("/pane", *scenes.quad(1.2), material=wr.Dielectric(thinWalled=1), pose=pane)
+    return surrounded(scene)
+
+
+def rough() -> wr.Scene:
+    """A ball, a block and a lens of rough glass, from fine to coarse."""
+    scene = wr.Scene()
+    scene.add_sphere("/ball", 0.9, material=wr.Dielectric(roughness=0.25), pose=(-1.2, 0.9, 0.0, 0, 0, 0, 1))
+    lens = np.diag([0.8, 0.8, 0.3, 1.0])
+    lens[3, :3] = 0.9, 0.8, 1.0
+    scene.add_mesh("/lens", *scenes.icosphere(4), material=wr.Dielectric(roughness=0.35, ior=1.7), pose=lens)
+    block = np.diag([0.6, 1.1, 0.6, 1.0])
+    block[3, :3] = 1.3, 1.11, -1.2
+    scene.add_mesh(
+        "/block", *scenes.cube(2.0), material=wr.Dielectric(roughness=0.5), pose=scenes.look_at((0.4, 0, 1)) @ block
+    )
+    return surrounded(scene)
+
+
+def surrounded(scene: wr.Scene) -> wr.Scene:
+    """A floor, a wall, a lamp and a dome around a scene, and a camera."""
+    floor = np.array([(-6, 0, -6), (-6, 0, 6), (6, 0, 6), (6, 0, -6)])
+    scene.add_mesh("/floor", floor, [[0, 1, 2, 3]], color=(0.7, 0.5, 0.3))
+    scene.add_mesh("/wall", floor[:, [0, 2, 1]] * (1, 1, 0) + (0, 0, -3), [[0, 1, 2, 3]], color=(0.2, 0.4, 0.7))
+    scene.add_light(wr.SphereLight(radius=0.8, intensity=12.0), pose=(0.3, 3.8, 1.5, 0, 0, 0, 1))
+    # Lights of UsdLux occlude nothing, those of Mitsuba do: a black ball inside makes the two alike.
+    scene.add_sphere("/lamp", 0.8 * 0.9999, color=(0, 0, 0), pose=(0.3, 3.8, 1.5, 0, 0, 0, 1))
+    scene.add_light(wr.DomeLight(intensity=0.4, color=(0.8, 0.9, 1.0)))
+    scene.add_camera("/camera", scenes.camera((0.5, 2.5, 6.0), (0.0, 0.9, 0.0), fov=45.0))
+    scene.settings.camera = "/camera"
+    return scene
+
+
 def rgb(value) -> dict:
     """A colour."""
     return {"type": "rgb", "value": [float(v) for v in value]}
@@ -92,11 +144,23 @@ def write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, normals: np
         np.savetxt(file, np.concatenate([np.full((len(triangles), 1), 3), triangles], 1), fmt="%d")
 
 
-def shape(folder: Path, number: int, placement) -> dict:
-    """A placed mesh or sphere with its Lambert colour."""
+def look(scene: wr.Scene, placement) -> dict:
+    """The Lambert colour or the dielectric of a placement."""
+    material = scene.materials[placement.material]
+    if isinstance(material, wr.Dielectric):
+        indices = {"int_ior": material.ior, "ext_ior": 1.0}
+        if material.thinWalled:
+            return {"type": "thindielectric", **indices}
+        if material.roughness > 0:
+            return {"type": "roughdielectric", "distribution": "ggx", "alpha": material.roughness**2, **indices}
+        return {"type": "dielectric", **indices}
     color = placement.shape.primvars["displayColor"].values[0]
-    both_sides = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb(color)}}
-    common = {"to_world": matrix(placement.transforms[0]), "bsdf": both_sides}
+    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb(color)}}
+
+
+def shape(folder: Path, number: int, scene: wr.Scene, placement) -> dict:
+    """A placed mesh or sphere with its material."""
+    common = {"to_world": matrix(placement.transforms[0]), "bsdf": look(scene, placement)}
     if isinstance(placement.shape, wr.scene.Sphere):
         return {"type": "sphere", "radius": placement.shape.radius, **common}
     mesh = placement.shape
@@ -158,17 +222,20 @@ def sensor(camera: wr.Camera, size: int) -> dict:
     }
 
 
+SCENES = {"cornell": cornell, "lights": lights, "dome": dome, "glass": glass, "rough": rough}
+
+
 def main() -> None:
     """Render twice, compare, print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scene", choices=("cornell", "lights", "dome"))
+    parser.add_argument("scene", choices=tuple(SCENES))
     parser.add_argument("--mitsuba", default=sys.executable, help="Python with Mitsuba")
     parser.add_argument("--size", type=int, default=256)
     parser.add_argument("--samples", type=int, default=256)
     parser.add_argument("--keep", type=Path, help="folder for the pictures")
     options = parser.parse_args()
 
-    scene = {"cornell": cornell, "lights": lights, "dome": dome}[options.scene]()
+    scene = SCENES[options.scene]()
     # Sobol points know their error from four replicates only, whose z is not normal.
     shown = {"lights_visible": True, "sampler": "independent"}
     renderer = wr.Renderer(scene, resolution=(options.size, options.size), **shown)
@@ -180,7 +247,7 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         description = {"type": "scene", "sensor": sensor(renderer.camera, options.size)}
         for number, placement in enumerate(scene.placements.values()):
-            description[f"shape{number}"] = shape(folder, number, placement)
+            description[f"shape{number}"] = shape(folder, number, scene, placement)
         for number, light in enumerate(scene.lights.values()):
             description[f"light{number}"] = emitter(folder, light)
         (folder / "scene.json").write_text(json.dumps(description))

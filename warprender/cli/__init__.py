@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from .. import __version__
-from . import check, plan, render
+from . import check, measure, plan, render
 from .report import error, interrupted
 
 #: The commands, in the order of the help. Adding one is one file and one entry.
-COMMANDS = (render, plan, check)
+COMMANDS = (render, plan, check, measure)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

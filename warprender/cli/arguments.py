@@ -12,23 +12,23 @@ _COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 def add_picture_arguments(parser: argparse.ArgumentParser) -> None:
     """STAGE and every flag that says which picture of it is meant."""
     parser.add_argument("stage", metavar="STAGE", help="USD file")
-    _add_stage_arguments(parser.add_argument_group("stage"))
+    add_stage_arguments(parser.add_argument_group("stage"))
     _add_view_arguments(parser.add_argument_group("view"))
     _add_light_arguments(parser.add_argument_group("lights"))
     _add_accuracy_arguments(parser.add_argument_group("accuracy"))
-    _add_device_arguments(parser.add_argument_group("device"))
+    add_device_arguments(parser.add_argument_group("device"))
 
 
-def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
+def add_stage_arguments(group: argparse._ArgumentGroup) -> None:
+    """Flags that say which part or variant of the stage is meant, and at which time."""
     group.add_argument(
         "--mask", type=names, metavar="PRIMPATH[,PRIMPATH...]", help="draw these prims and what is below them"
     )
     group.add_argument(
         "--purposes",
         type=names,
-        default=["proxy"],
         metavar="PURPOSE[,PURPOSE...]",
-        help="purposes drawn besides default (default: proxy)",
+        help="purposes drawn besides default (default: the render settings' includedPurposes, or proxy)",
     )
     group.add_argument("--disableDrawMode", action="store_true", help="draw models that ask for boxes or cards in full")
     group.add_argument("--sessionLayer", metavar="FILE", help="open the stage with this session layer")
@@ -40,7 +40,20 @@ def _add_stage_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="/PRIM:SET=VALUE",
         help="select a variant; may be repeated",
     )
-    group.add_argument("--renderSettingsPrimPath", "-rs", metavar="PRIMPATH", help="RenderSettings prim")
+    settings = group.add_mutually_exclusive_group()
+    settings.add_argument("--renderSettingsPrimPath", "-rs", metavar="PRIMPATH", help="RenderSettings prim")
+    settings.add_argument(
+        "--renderPassPrimPath",
+        "-rp",
+        metavar="PRIMPATH",
+        help="RenderPass prim: its RenderSettings, without what it prunes or hides",
+    )
+    group.add_argument(
+        "--resolver",
+        choices=("root", "inherit"),
+        default="root",
+        help="read for usdrecord's sake; asset paths are resolved from the root layer",
+    )
     group.add_argument(
         "--complexity",
         "-c",
@@ -97,9 +110,10 @@ def _add_view_arguments(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--colorCorrectionMode",
         "-color",
-        choices=("disabled", "sRGB"),
+        choices=("disabled", "sRGB", "openColorIO"),
         default="sRGB",
-        help="colours of 8-bit pictures; .exr and .hdr stay linear (default: sRGB)",
+        help="colours of 8-bit pictures; openColorIO takes the default view of the configuration that $OCIO names; "
+        ".exr and .hdr stay linear (default: sRGB)",
     )
 
 
@@ -167,7 +181,8 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def _add_device_arguments(group: argparse._ArgumentGroup) -> None:
+def add_device_arguments(group: argparse._ArgumentGroup) -> None:
+    """Flags that say where it runs."""
     group.add_argument("--device", default="cpu", metavar="NAME", help="Warp device, as cpu or cuda:0 (default: cpu)")
     group.add_argument(
         "--disableGpu", dest="device", action="store_const", const="cpu", help="the same as --device cpu"
@@ -176,6 +191,11 @@ def _add_device_arguments(group: argparse._ArgumentGroup) -> None:
         "--threads", type=positive_int, metavar="COUNT", help="CPU threads (default: all cores); changes no pixel"
     )
     group.add_argument("--renderer", "-r", metavar="NAME", help="read for usdrecord's sake; there is one renderer here")
+    group.add_argument("--traceToFile", metavar="FILE", help="write what USD did, and how long it took")
+    group.add_argument(
+        "--traceFormat", choices=("chrome", "trace"), default="chrome", help="as JSON or as text (default: chrome)"
+    )
+    group.add_argument("--memstats", action="store_true", help="read for usdrecord's sake; it counts nothing here")
 
 
 def names(text: str) -> list[str]:

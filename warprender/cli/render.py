@@ -1,4 +1,4 @@
-"""Draw a stage into an image file, or a range of frames into one file each."""
+"""Draw a stage into an image file, a range of frames into one file each, or the stage's render products."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .arguments import add_picture_arguments
-from .framespec import frame_paths
-from .progress import progress_bar
+from .progress import Progress, progress_bar
 from .report import Warnings, interrupted, write_stats
+from .trace import tracing
 
 if TYPE_CHECKING:
     from .. import StageReader
     from ..frame import Frame
+    from ..scene import Scene
+    from .pictures import Picture
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
     """Add the command and its flags."""
     parser = commands.add_parser(
         "render",
-        usage="%(prog)s [FLAGS] STAGE OUTPUT",
+        usage="%(prog)s [FLAGS] STAGE [OUTPUT]",
         help="draw a stage into an image file",
         description=__doc__,
         allow_abbrev=False,
@@ -28,32 +30,32 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     add_picture_arguments(parser)
     parser.add_argument(
         "output",
+        nargs="?",
         metavar="OUTPUT",
-        help="image file; .exr keeps every output as a layer; with --frames it holds ### or ###.###",
+        help="image file; .exr keeps every output as a layer; with --frames it holds ### or ###.###; without it, "
+        "the render products of the stage name the files",
     )
     parser.add_argument("--stats", metavar="FILE.json", help="write what each frame took: time, rays, error")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw and save each frame; after an interruption, save what is finished and stop."""
+    """Draw and save each picture; after an interruption, save what is finished and stop."""
+    from .pictures import asked_pictures, product_pictures
     from .quiet import start_warp
-    from .request import open_stage, remarks, times
+    from .request import open_stage, remarks
 
-    paths = frame_paths(args.output, args.frames)
     warnings = Warnings()
     warnings.show(remarks(args))
-    warnings.show(_check_destinations(args, paths))
+    pictures = asked_pictures(args) if args.output else []
+    warnings.show(_check_destinations(args, pictures))
     start_warp(args.device)
-    stage = open_stage(args)
-    finished = []
-    for time, path in zip(times(args), paths, strict=True):
-        frame = _draw(args, stage, time, Path(path).name, warnings)
-        frame.save(path, args.colorCorrectionMode)
-        print(f"{path}: {frame!r}", flush=True)
-        finished.append({"picture": path, "time": time, **frame.stats})
-        if frame.stats.get("interrupted"):
-            break
+    with tracing(args.traceToFile, args.traceFormat):
+        stage = open_stage(args)
+        if not args.output:
+            pictures, lines = product_pictures(args, stage)
+            warnings.show(lines)
+        finished = _draw_all(args, stage, pictures, warnings)
     if args.stats:
         write_stats(args.stats, args.stage, finished)
     if finished[-1].get("interrupted"):
@@ -61,36 +63,51 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _draw(args: argparse.Namespace, stage: StageReader, time: float | None, title: str, warnings: Warnings) -> Frame:
-    """One frame, with a progress bar on a terminal."""
+def _draw_all(args: argparse.Namespace, stage: StageReader, pictures: list[Picture], warnings: Warnings) -> list[dict]:
+    """What each finished picture took; each frame's scene is read once for all its pictures."""
+    finished, read, scene = [], -1, None
+    for picture in pictures:
+        with progress_bar(Path(picture.path).name) as progress:
+            if picture.frame != read:
+                read, scene = picture.frame, stage.read(picture.time)
+                warnings.show(scene.warnings)
+            frame = _draw(args, scene, picture, progress)
+            warnings.show(frame.stats.get("warnings", ()))
+        frame.save(picture.path, args.colorCorrectionMode)
+        print(f"{picture.path}: {frame!r}", flush=True)
+        finished.append({"picture": picture.path, "time": picture.time, **frame.stats})
+        if frame.stats.get("interrupted"):
+            break
+    return finished
+
+
+def _draw(args: argparse.Namespace, scene: Scene, picture: Picture, progress: Progress | None) -> Frame:
     from .request import build_renderer
 
-    with progress_bar(title) as progress:
-        scene = stage.read(time)
-        warnings.show(scene.warnings)
-        frame = build_renderer(args, scene).render(
-            samples=args.samples, error=args.error, seconds=args.seconds, seed=args.seed, progress=progress
-        )
-        warnings.show(frame.stats.get("warnings", ()))
-        return frame
+    if picture.product is not None:
+        scene = scene.for_product(scene.settings.products[picture.product])
+    return build_renderer(args, scene, picture.outputs).render(
+        samples=args.samples, error=args.error, seconds=args.seconds, seed=args.seed, progress=progress
+    )
 
 
-def _check_destinations(args: argparse.Namespace, paths: list[str]) -> list[str]:
+def _check_destinations(args: argparse.Namespace, pictures: list[Picture]) -> list[str]:
     """Find now what would stop the pictures from being saved after a long render; returns warnings.
 
     Raises:
         ValueError: an unknown extension, a missing folder, or outputs that the format cannot hold.
     """
     from .. import images
-    from .request import outputs
 
-    for path in paths:
-        images.check_destination(path)
-    asked = outputs(args)
-    kept = images.kept(paths[0], asked)
-    if not kept:
-        raise ValueError(f"{paths[0]}: this format holds color alone, and --aov has no color; .exr holds all")
-    if args.stats and not Path(args.stats).absolute().parent.is_dir():
-        raise ValueError(f"{args.stats}: the folder {Path(args.stats).parent} does not exist")
-    lost = ", ".join(name for name in asked if name not in kept)
-    return [f"{paths[0]}: this format does not keep {lost}; .exr holds all"] if lost else []
+    images.check_color_correction(args.colorCorrectionMode)
+    for file in (args.stats, args.traceToFile):
+        if file and not Path(file).absolute().parent.is_dir():
+            raise ValueError(f"{file}: the folder {Path(file).parent} does not exist")
+    for picture in pictures:
+        images.check_destination(picture.path)
+        kept = images.kept(picture.path, picture.outputs)
+        if not kept:
+            raise ValueError(f"{picture.path}: this format holds color alone, and --aov has no color; .exr holds all")
+        if lost := ", ".join(name for name in picture.outputs if name not in kept):
+            return [f"{picture.path}: this format does not keep {lost}; .exr holds all"]
+    return []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .. import StageReader
     from ..renderer import Renderer
-    from ..scene import Scene
+    from ..scene import RenderProduct, Scene
 
 #: What the time code "default" is as a number, in USD and in `load`.
 DEFAULT_TIME = float("nan")
@@ -40,12 +40,18 @@ def open_stage(args: argparse.Namespace) -> StageReader:
         session_layer=args.sessionLayer,
         complexity=args.complexity,
         render_settings=args.renderSettingsPrimPath,
+        render_pass=args.renderPassPrimPath,
         draw_modes=not args.disableDrawMode,
     )
 
 
-def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
+def build_renderer(args: argparse.Namespace, scene: Scene, shown: tuple[str, ...] | None = None) -> Renderer:
     """The renderer of `scene` with the camera, the size and the accuracy that the flags ask for.
+
+    Args:
+        args: parsed flags.
+        scene: what to draw.
+        shown: outputs; None for those of --aov.
 
     Raises:
         SceneError: no such camera.
@@ -59,7 +65,7 @@ def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
         scene,
         camera=camera,
         resolution=args.resolution or choose_resolution(scene, camera, args.imageWidth),
-        outputs=outputs(args),
+        outputs=shown or outputs(args),
         visibility=args.visibility,
         transport=args.transport,
         device=args.device,
@@ -74,8 +80,8 @@ def build_renderer(args: argparse.Namespace, scene: Scene) -> Renderer:
     )
 
 
-def outputs(args: argparse.Namespace) -> tuple[str, ...]:
-    """The outputs of --aov, each once; color where none is asked for.
+def outputs(args: argparse.Namespace, product: RenderProduct | None = None) -> tuple[str, ...]:
+    """The outputs of --aov, each once, else those of the render product, else color.
 
     Raises:
         SceneError: there is no such output.
@@ -84,11 +90,16 @@ def outputs(args: argparse.Namespace) -> tuple[str, ...]:
 
     asked = [name for names in args.aov or () for name in names]
     check_outputs(asked)
-    return tuple(dict.fromkeys(asked)) or ("color",)
+    return tuple(dict.fromkeys(asked)) or (product.outputs if product else ("color",))
 
 
 def remarks(args: argparse.Namespace) -> list[str]:
     """Warnings about flags that are read but change nothing."""
+    lines = []
     if args.renderer and args.renderer.lower() != "warprender":
-        return [f"--renderer {args.renderer}: read and ignored; warprender draws the picture"]
-    return []
+        lines.append(f"--renderer {args.renderer}: read and ignored; warprender draws the picture")
+    if args.resolver == "inherit":
+        lines.append("--resolver inherit: read and ignored; paths are resolved from the stage's root layer")
+    if args.memstats:
+        lines.append("--memstats: read and ignored; this USD does not count its memory")
+    return lines

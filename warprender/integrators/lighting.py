@@ -13,7 +13,7 @@ from ..lights.choice import choose_light, probability_of
 from ..lights.dispatch import GLOWING, kind_of, light_functions, shaping_function
 from ..lights.glowing_sphere import density_along
 from ..lights.linking import is_linked
-from ..lights.mesh import density_at, emitted
+from ..lights.mesh import density_at, emitted, leaf_of, narrowed
 from ..lights.shadow import shadow_strength
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
@@ -45,7 +45,8 @@ class Departure:
     """Where a ray comes from, as the lights that it meets must know.
 
     `pdf` is the density of its direction: 0 after a delta event and at the camera, where no light was aimed at.
-    `prim` is -1 at the camera. The throughput is split as the lights' `diffuse` and `specular` need it.
+    `prim` is -1 at the camera. The throughput is split as the lights' `diffuse` and `specular` need it. `normal` is
+    zero where light arrives from both sides. `absorption` is that of the medium that lies ahead, per scene unit.
     """
 
     position: wp.vec3
@@ -54,6 +55,7 @@ class Departure:
     pdf: wp.float32
     diffuse: wp.vec3
     specular: wp.vec3
+    absorption: wp.vec3
 
 
 @wp.struct
@@ -79,6 +81,46 @@ def end_margin(origin: wp.vec3, distance: float) -> float:
     if distance < INFINITY:
         margin = (max_component(wp.abs(origin)) + distance) * GAMMA_7
     return margin
+
+
+@wp.func
+def transmittance(absorption: wp.vec3, distance: float) -> wp.vec3:
+    """What is left of light after a way through a medium (Beer's law); the distance may be infinite."""
+    left = wp.vec3(1.0, 1.0, 1.0)
+    for c in range(3):
+        if absorption[c] > 0.0:
+            left[c] = wp.exp(-absorption[c] * distance)
+    return left
+
+
+@wp.func
+def medium_towards(surface: Surface, bsdf: Bsdf, around: wp.vec3, direction: wp.vec3) -> wp.vec3:
+    """Absorption of what lies beside a surface in this direction, where the medium on the viewer's side is `around`.
+
+    Outside of what refracts is vacuum, inside its own medium.
+    """
+    if bsdf.eta <= 0.0 or bsdf.thin != 0:
+        return around
+    if (wp.dot(surface.geometric_normal, direction) > 0.0) == (surface.front != 0):
+        return wp.vec3(0.0, 0.0, 0.0)
+    return bsdf.absorption
+
+
+@wp.func
+def light_normal(surface: Surface, bsdf: Bsdf) -> wp.vec3:
+    """Normal by which lights are chosen; zero where light from below is scattered too."""
+    if bsdf.eta > 0.0:
+        return wp.vec3(0.0, 0.0, 0.0)
+    return surface.geometric_normal
+
+
+@wp.func
+def is_across(surface: Surface, local: wp.vec3, direction: wp.vec3) -> bool:
+    """Whether a direction lies on another side of the true surface than of the shading frame, where it is `local`."""
+    cosine = wp.dot(surface.geometric_normal, direction)
+    if local[2] < 0.0:
+        return cosine >= 0.0
+    return cosine <= 0.0
 
 
 @wp.func
@@ -128,7 +170,7 @@ def hit_density(scene: DeviceScene, light: LightRecord, origin: wp.vec3, directi
     """Density per solid angle with which next-event estimation at `origin` aims at a glowing surface that was hit."""
     if light.kind == _GLOWING_SPHERE:
         return density_along(scene, light, origin, direction)
-    return density_at(light, origin, surface)
+    return density_at(scene, light, origin, surface.hit, surface.position - origin)
 
 
 @cache
@@ -137,7 +179,7 @@ def shadow_function(key: PathKey) -> wp.Function:
 
     `footprint` is the width that the ray stands for.
     """
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
     closest, closest_after, occluded = ray_functions(key.sdfs)
     straight_through = key.straight_through
@@ -192,6 +234,7 @@ def met_function(key: PathKey) -> wp.Function:
     shape = shaping_function(key.light_effects)
     shadow = shadow_function(key)
     effects = key.light_effects
+    transmission = "transmission" in key.features
 
     @wp.func
     def met_one(
@@ -235,10 +278,11 @@ def met_function(key: PathKey) -> wp.Function:
                 return total
         weight = wp.float32(1.0)
         if departure.pdf > 0.0:
-            finite = index < scene.finite_lights
-            chosen = probability_of(scene, departure.position, departure.normal, light, finite)
+            chosen = probability_of(scene, departure.position, departure.normal, light, light.leaf)
             weight = power_heuristic(departure.pdf, found.pdf * chosen)
         arriving = wp.cw_mul(arriving, shape(scene, light, ray.direction))
+        if wp.static(transmission):
+            arriving = wp.cw_mul(arriving, transmittance(departure.absorption, found.distance - wp.max(near, 0.0)))
         result = Met()
         result.radiance = total.radiance + wp.cw_mul(share_of(light, departure), arriving) * weight
         result.count = total.count + 1
@@ -270,35 +314,49 @@ def met_function(key: PathKey) -> wp.Function:
 
 @cache
 def aimed_function(key: PathKey) -> wp.Function:
-    """`aimed(scene, surface, bsdf, tangent, wo, sample, step) -> Met`: reflected light of one light, aimed at.
+    """`aimed(scene, surface, bsdf, around, tangent, wo, sample, step) -> Met`: scattered light of one, aimed at.
 
-    `count` says whether a shadow ray was traced.
+    `count` says whether a shadow ray was traced. `around` is the absorption of the medium on the viewer's side.
     """
     sample_light, _ = light_functions(key.lights)
     prepare, evaluate, _ = material_functions(key.materials, key.features)
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     shape = shaping_function(key.light_effects)
     shadow = shadow_function(key)
     glow = bool(set(GLOWING) & set(key.lights))
     linking = "linking" in key.light_effects
+    transmission = "transmission" in key.features
 
     @wp.func
     def aimed(
-        scene: DeviceScene, surface: Surface, bsdf: Bsdf, tangent: wp.vec3, wo: wp.vec3, sample: SampleStream, step: int
+        scene: DeviceScene,
+        surface: Surface,
+        bsdf: Bsdf,
+        around: wp.vec3,
+        tangent: wp.vec3,
+        wo: wp.vec3,
+        sample: SampleStream,
+        step: int,
     ) -> Met:
         nothing = Met()
         u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
-        choice = choose_light(scene, surface.position, surface.geometric_normal, u)
+        normal = surface.geometric_normal
+        if wp.static(transmission):
+            normal = light_normal(surface, bsdf)
+        choice = choose_light(scene, surface.position, normal, u)
         if choice.index < 0:
             return nothing
         light = scene.lights[choice.index]
+        if wp.static(glow):
+            light = narrowed(scene, light, choice.leaf)
         if wp.static(linking):
             if not is_linked(scene, light.links, scene.instances[surface.hit.instance].prim):
                 return nothing
         towards = sample_light(scene, light, surface.position, random_pair(sample, step, DIMENSION_LIGHT))
-        if towards.pdf <= 0.0 or wp.dot(surface.geometric_normal, towards.direction) <= 0.0:
+        local = to_frame(tangent, surface.normal, towards.direction)
+        if towards.pdf <= 0.0 or is_across(surface, local, towards.direction):
             return nothing
-        value = evaluate(scene, bsdf, wo, to_frame(tangent, surface.normal, towards.direction))
+        value = evaluate(scene, bsdf, wo, local)
         response = value.diffuse * light.diffuse + value.specular * light.specular
         if max_component(response) <= 0.0:
             return nothing
@@ -318,6 +376,9 @@ def aimed_function(key: PathKey) -> wp.Function:
         alone = towards.delta != 0 or (towards.hit.instance >= 0 and light.shadow != SHADOW_PLAIN)
         if not alone:
             weight = power_heuristic(density, value.pdf)
+        if wp.static(transmission):
+            medium = medium_towards(surface, bsdf, around, towards.direction)
+            radiance = wp.cw_mul(radiance, transmittance(medium, towards.distance))
         arriving = wp.cw_mul(radiance, shadow(scene, light, ray, surface.footprint)) * (weight / density)
         result = Met()
         result.radiance = wp.cw_mul(response, arriving)
@@ -352,9 +413,12 @@ def glow_function(key: PathKey) -> wp.Function:
                     return wp.vec3(0.0, 0.0, 0.0)
                 weight = wp.float32(1.0)
                 if departure.pdf > 0.0:
-                    density = hit_density(scene, light, departure.position, direction, surface)
-                    chosen = probability_of(scene, departure.position, departure.normal, light, True)
-                    weight = power_heuristic(departure.pdf, density * chosen)
+                    leaf = leaf_of(scene, light, surface.hit.face)
+                    if leaf >= 0:
+                        light = narrowed(scene, light, leaf)
+                        density = hit_density(scene, light, departure.position, direction, surface)
+                        chosen = probability_of(scene, departure.position, departure.normal, light, leaf)
+                        weight = power_heuristic(departure.pdf, density * chosen)
                 radiance = wp.cw_mul(radiance, shape(scene, light, direction))
                 return wp.cw_mul(share_of(light, departure), radiance) * weight
         return wp.cw_mul(departure.diffuse + departure.specular, emission)

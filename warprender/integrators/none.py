@@ -23,7 +23,7 @@ MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
 def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     """The kernel for a key, for `launch_pixels`."""
     camera_ray = camera_ray_function(key.camera)
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
     _, closest_after, _ = ray_functions(key.sdfs)
     writers = tuple(OUTPUTS[name].write for name in key.outputs)

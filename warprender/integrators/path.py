@@ -15,7 +15,17 @@ from ..plan import PathKey
 from ..records import EVENT_ABSORB, EVENT_DELTA, EVENT_PASS, DeviceScene, Hit, Ray
 from ..sampling import DIMENSION_BSDF, DIMENSION_LOBE, SampleStream, random_pair
 from ..visibility.sdf import ray_functions
-from .lighting import MOST_PASSES, Departure, aimed_function, glow_function, met_function
+from .lighting import (
+    MOST_PASSES,
+    Departure,
+    aimed_function,
+    glow_function,
+    is_across,
+    light_normal,
+    medium_towards,
+    met_function,
+    transmittance,
+)
 from .samples import FOOTPRINT, PathRequest, PathResult
 
 #: Reflections before Russian roulette may end a path.
@@ -35,7 +45,7 @@ def scattered_cone(width: float, growth: float, pdf: float) -> wp.vec2:
 @cache
 def radiance_function(key: PathKey) -> wp.Function:
     """`radiance(scene, request, ray, hit, cone, sample) -> PathResult`: see `samples`."""
-    shading_at = shading_function(key.shapes, key.features)
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, sample_bsdf = material_functions(key.materials, key.features)
     closest, closest_after, _ = ray_functions(key.sdfs)
     met = met_function(key)
@@ -43,6 +53,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     glow = glow_function(key)
     sampled_lights, straight_through = key.sampled_lights, key.straight_through
     with_lights = bool(key.lights)
+    transmission = "transmission" in key.features
 
     @wp.func
     def radiance(
@@ -61,6 +72,8 @@ def radiance_function(key: PathKey) -> wp.Function:
         last.diffuse = wp.vec3(1.0, 1.0, 1.0)
         # What the camera ray has left of itself behind the clear surfaces that it passed; alpha is the rest.
         clear = wp.float32(1.0)
+        # How often the throughput was divided by eta² where the path went into denser media: it is not faint for that.
+        compression = wp.float32(1.0)
         depth = wp.int32(0)
         step = wp.int32(0)
         passed_t = -INFINITY
@@ -79,6 +92,13 @@ def radiance_function(key: PathKey) -> wp.Function:
             # 2. Light that the surface itself emits.
             surface = shading_at(scene, ray, hit, cone[0] + cone[1] * hit.t)
             bsdf = prepare(scene, surface)
+            if wp.static(transmission):
+                # A surface that is left knows its medium best: the camera may have started in it.
+                if surface.front == 0:
+                    last.absorption = medium_towards(surface, bsdf, last.absorption, surface.outgoing)
+                left = transmittance(last.absorption, hit.t - wp.max(passed_t, 0.0))
+                last.diffuse = wp.cw_mul(last.diffuse, left)
+                last.specular = wp.cw_mul(last.specular, left)
             result.radiance += glow(scene, last, ray.direction, surface, bsdf.emission)
             throughput = last.diffuse + last.specular
 
@@ -103,7 +123,7 @@ def radiance_function(key: PathKey) -> wp.Function:
 
             # 4. Next-event estimation: aim at one light, weighted against meeting it by chance.
             if wp.static(sampled_lights):
-                reflected = aimed(scene, surface, bsdf, tangent, wo, sample, step)
+                reflected = aimed(scene, surface, bsdf, last.absorption, tangent, wo, sample, step)
                 chance = wp.float32(1.0)
                 if wp.static(straight_through):
                     # Paths that went straight through did not aim: those that stayed stand for them.
@@ -111,11 +131,11 @@ def radiance_function(key: PathKey) -> wp.Function:
                 result.radiance += wp.cw_mul(throughput, reflected.radiance) / chance
                 result.rays += wp.vec3i(0, 0, reflected.count)
 
-            # 5. Follow the sampled direction, unless it dips below the true surface.
+            # 5. Follow the sampled direction, unless the true surface lies between it and the side it was meant for.
             if scattered.event == EVENT_ABSORB:
                 break
             direction = from_frame(tangent, surface.normal, scattered.direction)
-            if wp.dot(surface.geometric_normal, direction) <= 0.0:
+            if is_across(surface, scattered.direction, direction):
                 break
             last.position = surface.position
             last.normal = surface.geometric_normal
@@ -125,9 +145,15 @@ def radiance_function(key: PathKey) -> wp.Function:
             last.pdf = wp.where(scattered.event == EVENT_DELTA, 0.0, scattered.pdf)
             cone = scattered_cone(surface.footprint, cone[1], last.pdf)
 
+            if wp.static(transmission):
+                last.normal = light_normal(surface, bsdf)
+                last.absorption = medium_towards(surface, bsdf, last.absorption, direction)
+                if scattered.direction[2] < 0.0 and bsdf.thin == 0:
+                    compression = compression * bsdf.eta * bsdf.eta
+
             # 6. Russian roulette: faint paths end early, the survivors stand for them.
             if depth >= ROULETTE_AFTER:
-                survival = wp.min(1.0, max_component(last.diffuse + last.specular))
+                survival = wp.min(1.0, max_component(last.diffuse + last.specular) * compression)
                 if lobe[1] >= survival:
                     break
                 last.diffuse = last.diffuse / survival

@@ -10,6 +10,7 @@ from .glowing_sphere import GlowingSphere
 from .ies import IesProfile
 from .light import Light
 from .mesh import MeshLight
+from .portal import PortalLight
 from .rect import RectLight
 from .shadow import Shadow
 from .shaping import Shaping
@@ -40,6 +41,7 @@ __all__ = [
     "Light",
     "LightTexture",
     "MeshLight",
+    "PortalLight",
     "RectLight",
     "Shadow",
     "Shaping",

@@ -7,7 +7,7 @@ from functools import cache
 import warp as wp
 
 from ..records import DeviceScene, LightRecord, LightSample
-from . import camera, cylinder, disk, distant, dome, glowing_sphere, mesh, rect, sphere
+from . import camera, cylinder, disk, distant, dome, glowing_sphere, mesh, portal, rect, sphere
 from .shaping import focus_and_cone, photometric
 
 #: `sample` and `meet` of each kind, in the order of the kinds' ids on the device.
@@ -20,6 +20,7 @@ FUNCTIONS: dict[str, tuple[wp.Function, wp.Function]] = {
     "DistantLight": (distant.sample, distant.meet),
     "DomeLight": (dome.sample, dome.meet),
     "DomeLight.texture": (dome.sample_textured, dome.meet_textured),
+    "DomeLight.portals": (portal.sample, portal.meet),
     "CameraLight": (camera.sample, camera.meet),
     "MeshLight": (mesh.sample, mesh.meet),
     "GlowingSphere": (glowing_sphere.sample, glowing_sphere.meet),

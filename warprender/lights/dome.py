@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -13,33 +14,43 @@ from ..records import DeviceScene, LightRecord, LightSample
 from .environment import LightTexture, density_of, draw_direction, radiance_from
 from .light import Light, infinite_sample, linear_part, local_sample, no_light
 
+if TYPE_CHECKING:
+    from .portal import PortalLight
+
 
 @dataclass
 class DomeLight(Light):
     """Light from every direction. `normalize` does not change it.
 
     Rays that leave a surface find a dome of one colour, and next-event estimation does not sample it: where radiance
-    does not depend on the direction, no choice of directions is better than the material's own.
+    does not depend on the direction, no choice of directions is better than the material's own, but for portals.
 
     Attributes:
         texture: multiplies the radiance, by latitude and longitude (`environment.to_latlong` for other formats).
         poleAxis: "Y" or "Z", where the picture's top is in light space.
+        portals: openings through which next-event estimation aims at the dome; they change its noise alone.
     """
 
     texture: LightTexture | None = None
     poleAxis: str = "Y"
+    portals: tuple[PortalLight, ...] = ()
 
     infinite = True
 
     def kind(self) -> str:
-        """One of its own with a texture."""
+        """One of its own with a texture, one with portals."""
+        if self.portals:
+            return "DomeLight.portals"
         return "DomeLight" if self.texture is None else "DomeLight.texture"
 
     def power(self, scene_radius: float) -> float:
-        """Power through a disk as large as the scene; 0 without a texture: never chosen."""
-        if self.texture is None:
-            return 0.0
-        return float(self.radiance() @ LUMINANCE) * self.texture.mean_over_sphere() * 4 * (np.pi * scene_radius) ** 2
+        """Power through a disk as large as the scene, or through the portals; 0 with neither: never chosen."""
+        radiance = float(self.radiance() @ LUMINANCE)
+        if self.texture is not None:
+            radiance *= self.texture.mean_over_sphere()
+        if self.portals:
+            return radiance * np.pi * sum(portal.opening().size_factor() for portal in self.portals)
+        return radiance * 4 * (np.pi * scene_radius) ** 2 if self.texture is not None else 0.0
 
     def local_to_world(self) -> np.ndarray:
         """(3, 3) from the picture's space, whose pole is +Y."""

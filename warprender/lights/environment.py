@@ -18,6 +18,7 @@ import warp as wp
 from ..color import LUMINANCE
 from ..numerics import PI
 from ..records import ImageRecord
+from ..sampling import interval_of, share_of
 
 #: Bins at most; larger pictures share bins between neighbouring texels.
 MOST_BINS = 2**21
@@ -247,25 +248,10 @@ def draw_direction(image: ImageRecord, u: wp.vec2) -> wp.vec3:
     """Unit direction of the dome's space; uniform within a bin."""
     rows = image.density.shape[0]
     columns = image.density.shape[1]
-    low = wp.int32(0)
-    high = rows - 1
-    while low < high:
-        middle = (low + high) // 2
-        if u[1] < image.rows[middle + 1]:
-            high = middle
-        else:
-            low = middle + 1
-    row = low
+    row = interval_of(image.rows, u[1])
     s = share_of(image.rows[row], image.rows[row + 1], u[1])
-    low = wp.int32(0)
-    high = columns - 1
-    while low < high:
-        middle = (low + high) // 2
-        if u[0] < image.columns[row, middle + 1]:
-            high = middle
-        else:
-            low = middle + 1
-    t = share_of(image.columns[row, low], image.columns[row, low + 1], u[0])
+    column = interval_of(image.columns[row], u[0])
+    t = share_of(image.columns[row, column], image.columns[row, column + 1], u[0])
 
     # Uniform in cos θ between the rows' edges: 2 sin² of the half angle keeps its digits at the poles.
     top = wp.sin(0.5 * PI * wp.float32(row) / wp.float32(rows))
@@ -273,13 +259,5 @@ def draw_direction(image: ImageRecord, u: wp.vec2) -> wp.vec3:
     half2 = top * top * (1.0 - s) + bottom * bottom * s
     cos_polar = 1.0 - 2.0 * half2
     sin_polar = 2.0 * wp.sqrt(half2 * wp.max(1.0 - half2, 0.0))
-    longitude = PI * (1.0 - 2.0 * (wp.float32(low) + t) / wp.float32(columns))
+    longitude = PI * (1.0 - 2.0 * (wp.float32(column) + t) / wp.float32(columns))
     return wp.vec3(sin_polar * wp.sin(longitude), cos_polar, sin_polar * wp.cos(longitude))
-
-
-@wp.func
-def share_of(low: float, high: float, x: float) -> float:
-    """Where x lies between two entries of a cumulative distribution: 0 to 1."""
-    if high <= low:
-        return 0.5
-    return wp.clamp((x - low) / (high - low), 0.0, 1.0)

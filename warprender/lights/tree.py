@@ -1,7 +1,8 @@
 """The tree over all lights that have a place: built level by level, each level in one pass over all lights.
 
-Nodes are split where the sum over both halves of power × orientation × size is least (the surface area orientation
-heuristic of Conty Estevez and Kulla 2018), over 12 bins along each axis.
+Halves are split where the sum over both halves of power × orientation × size is least (the surface area orientation
+heuristic of Conty Estevez and Kulla 2018), over 12 bins along each axis. Then every second level is left
+out, so that a node has two to four children: a choice among four knows more of where the light is than two in turn.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ import numpy as np
 from ..records import LightNode
 
 _BINS = 12
-#: Below this depth nodes are halved, so that a light's trail fits into 64 bits.
+#: Below this depth nodes are halved, so that a leaf's trail of two bits for four children fits into 64 bits.
 _SPLIT_DEPTH = 32
 
 
 @dataclass
 class LightBounds:
-    """Where lights are and where they emit, one row a light; float64.
+    """Where lights are and where they emit, one row a leaf: a light, or a part of one; float64.
 
     Attributes:
         lower: (N, 3) of the boxes.
@@ -28,6 +29,8 @@ class LightBounds:
         spread: (N,) angle of full emission about the axis, radians.
         fade: (N,) angle over which it fades beyond.
         power: (N,) emitted power, above 0.
+        two_sided: (N,) bool, whether as much leaves along the opposite of the axis.
+        flat: (N,) bool, whether it emits by the cosine to its axis; else alike to all sides of its cone.
     """
 
     lower: np.ndarray
@@ -36,26 +39,64 @@ class LightBounds:
     spread: np.ndarray
     fade: np.ndarray
     power: np.ndarray
+    two_sided: np.ndarray
+    flat: np.ndarray
 
     def of(self, chosen: np.ndarray) -> LightBounds:
-        """Some of the lights."""
+        """Some of the rows."""
         return LightBounds(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
+    @classmethod
+    def joined(cls, parts: list[LightBounds]) -> LightBounds:
+        """The rows of all parts, one after the other."""
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
-def build(bounds: LightBounds, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+
+def build(bounds: LightBounds) -> tuple[np.ndarray, np.ndarray]:
     """The tree.
 
     Args:
-        bounds: N ≥ 1 lights.
-        numbers: (N,) the lights' indices, as leaves name them.
+        bounds: N ≥ 1 leaves.
 
     Returns:
-        Nodes, the root first, and (N,) uint64 trails: bit k is 1 where the way to the light takes the second child at
-        depth k.
+        Nodes, the root first, and (N,) uint64 trails: bits 2k and 2k + 1 number the child that the way to the leaf
+        takes at depth k.
     """
-    count = len(numbers)
+    halves = _halves(bounds)
+    kept, level, used = np.array([0]), 0, 1
+    order, child, children = [kept], halves["child"].copy(), np.zeros(len(halves), np.int32)
+    trails = np.zeros(len(halves), np.uint64)
+    while True:
+        parents = kept[halves["child"][kept] >= 0]
+        if not len(parents):
+            break
+        slots = _grandchildren(halves["child"], parents)
+        filled = slots >= 0
+        counts = filled.sum(1)
+        number = (np.cumsum(filled, 1) - 1)[filled].astype(np.uint64)
+        kept = slots[filled]
+        trails[kept] = np.repeat(trails[parents], counts) | number << np.uint64(2 * level)
+        child[parents], children[parents] = used + np.cumsum(counts) - counts, counts
+        order.append(kept)
+        used += len(kept)
+        level += 1
+    halves["child"], halves["children"] = child, children
+    leaves = np.flatnonzero(child < 0)
+    rows = -1 - child[leaves]
+    return halves[np.concatenate(order)], trails[leaves][np.argsort(rows)]
+
+
+def _grandchildren(child: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """(P, 4) children of each node's two, or where one of them is a leaf, that one and -1."""
+    pair = child[parents][:, None] + (0, 1)
+    below = child[pair]
+    return np.stack([np.where(below < 0, pair, below), np.where(below < 0, -1, below + 1)], 2).reshape(-1, 4)
+
+
+def _halves(bounds: LightBounds) -> np.ndarray:
+    """The tree with two children each, neighbours, the first of which `child` names; -1 - row in a leaf."""
+    count = len(bounds.power)
     nodes = np.zeros(2 * count - 1, LightNode.numpy_dtype())
-    trails = np.zeros(count, np.uint64)
     order = np.arange(count)
     starts, places, used = np.array([0]), np.array([0]), 1
     depth = 0
@@ -63,14 +104,13 @@ def build(bounds: LightBounds, numbers: np.ndarray) -> tuple[np.ndarray, np.ndar
         _fill(nodes, places, bounds, order, starts)
         sizes = np.diff(np.append(starts, len(order)))
         leaf = sizes == 1
-        nodes["child"][places[leaf]] = -1 - numbers[order[starts[leaf]]]
+        nodes["child"][places[leaf]] = -1 - order[starts[leaf]]
         inner = np.repeat(~leaf, sizes)
         order, sizes, places = order[inner], sizes[~leaf], places[~leaf]
         if not len(order):
             break
         starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
         second = _second_half(bounds, order, starts, sizes, depth)
-        trails[order[second]] |= np.uint64(1) << np.uint64(depth)
         segment = np.repeat(np.arange(len(sizes)), sizes)
         order = order[np.lexsort((second, segment))]
         nodes["child"][places] = used + 2 * np.arange(len(places))
@@ -79,7 +119,7 @@ def build(bounds: LightBounds, numbers: np.ndarray) -> tuple[np.ndarray, np.ndar
         places = used + np.arange(2 * len(places))
         used += len(places)
         depth += 1
-    return nodes, trails
+    return nodes
 
 
 def _fill(nodes: np.ndarray, places: np.ndarray, bounds: LightBounds, order: np.ndarray, starts: np.ndarray) -> None:
@@ -91,11 +131,19 @@ def _fill(nodes: np.ndarray, places: np.ndarray, bounds: LightBounds, order: np.
     axis = np.add.reduceat(bounds.axis[order], starts)
     length = np.linalg.norm(axis, axis=1)
     axis = np.where(length[:, None] > 1e-6 * sizes[:, None], axis / np.maximum(length, 1e-300)[:, None], (0, 0, 1))
+    two_sided = np.maximum.reduceat(bounds.two_sided[order].astype(np.int32), starts)
     cosine = np.sum(bounds.axis[order] * np.repeat(axis, sizes, 0), 1)
+    cosine = np.where(np.repeat(two_sided, sizes) > 0, np.abs(cosine), cosine)
     apart = np.arccos(np.clip(cosine, -1, 1)) + bounds.spread[order]
+    flat = bounds.power[order] * bounds.flat[order]
+    flats = np.add.reduceat(flat, starts)
+    # A uniform cap of half angle θ has a mean direction of length (1 + cos θ) / 2.
+    alike = np.add.reduceat(flat * cosine * (1 + np.cos(bounds.spread[order])) / 2, starts)
+    nodes["round_share"][places] = 1 - flats / np.maximum(np.add.reduceat(bounds.power[order], starts), 1e-300)
+    nodes["mean_cos"][places] = np.clip(alike / np.where(flats > 0, flats, 1.0), 0, 1)
     # A little wider than float64 says, against float32 on the device.
     spread = np.minimum(np.maximum.reduceat(apart, starts) + 1e-4, np.pi)
-    nodes["axis"][places] = axis
+    nodes["axis"][places], nodes["two_sided"][places] = axis, two_sided
     nodes["cos_spread"][places] = np.cos(spread)
     nodes["cos_fade"][places] = np.cos(np.minimum(np.maximum.reduceat(bounds.fade[order], starts) + 1e-4, np.pi))
 

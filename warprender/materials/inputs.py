@@ -23,8 +23,8 @@ Color = tuple[float, float, float] | Varying
 #: Input number of the tangent-space normal, in every kind of material that has one.
 NORMAL = MATERIAL_INPUTS - 1
 
-#: What the code of material inputs is specialised on.
-FEATURES = ("energy compensation", "normal map", "primvar", "texture")
+#: What the code of materials is specialised on; "transmission" is light that goes on beyond a surface, refracted.
+FEATURES = ("energy compensation", "normal map", "primvar", "texture", "transmission")
 
 _VERTEX = wp.constant(wp.int32(INTERPOLATIONS.index("vertex")))
 _FACE_VARYING = wp.constant(wp.int32(INTERPOLATIONS.index("faceVarying")))
@@ -45,6 +45,18 @@ def least(value: Number) -> float:
     if isinstance(value, Texture):
         return value.least()
     return 0.0 if isinstance(value, PrimvarReader) else float(value)
+
+
+@wp.func
+def row_of(values: MaterialValues, number: int) -> wp.vec3:
+    """A colour among the values."""
+    return wp.vec3(values[number, 0], values[number, 1], values[number, 2])
+
+
+@wp.func
+def clamped(color: wp.vec3) -> wp.vec3:
+    """A reflectance within what a surface can reflect."""
+    return wp.vec3(wp.clamp(color[0], 0.0, 1.0), wp.clamp(color[1], 0.0, 1.0), wp.clamp(color[2], 0.0, 1.0))
 
 
 @wp.func

@@ -14,12 +14,12 @@ from .inputs import input_function
 
 
 @cache
-def shading_function(shapes: tuple[str, ...], features: tuple[str, ...]) -> wp.Function:
-    """`shading_at(scene, ray, hit, footprint) -> Surface` for these kinds of shapes and features of materials.
+def shading_function(shapes: tuple[str, ...], features: tuple[str, ...], sdfs: tuple[wp.Function, ...]) -> wp.Function:
+    """`shading_at(scene, ray, hit, footprint) -> Surface` for these shapes, features of materials and distances.
 
     `footprint` is the width across the ray of what the hit stands for, in scene units.
     """
-    surface_at = surface_function(shapes)
+    surface_at = surface_function(shapes, sdfs)
     input_at = input_function(features)
     mapped = "normal map" in features
 

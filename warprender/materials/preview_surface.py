@@ -29,13 +29,12 @@ from ..records import (
     BsdfSample,
     BsdfValue,
     DeviceScene,
-    MaterialValues,
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
 from ..watched import Watched
 from .albedo import SIZE, albedo_table, white_albedo
-from .inputs import NORMAL, Color, Number, Varying, constant, least, values_function
+from .inputs import NORMAL, Color, Number, Varying, clamped, constant, least, row_of, values_function
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -47,7 +46,7 @@ from .microfacet import (
 #: Inputs in the order of their numbers; the mode is 1 for "presence". `normal` has the number of all kinds.
 INPUTS = (
     "diffuseColor", "emissiveColor", "specularColor", "useSpecularWorkflow", "metallic", "roughness", "clearcoat",
-    "clearcoatRoughness", "opacity", "opacityThreshold", "ior", "opacityMode",
+    "clearcoatRoughness", "opacity", "opacityThreshold", "ior", "specularEdgeColor", "opacityMode",
 )  # fmt: skip
 _NUMBERS = {name: wp.constant(wp.int32(number)) for number, name in enumerate(INPUTS)}
 DIFFUSE_COLOR = _NUMBERS["diffuseColor"]
@@ -61,6 +60,7 @@ CLEARCOAT_ROUGHNESS = _NUMBERS["clearcoatRoughness"]
 OPACITY = _NUMBERS["opacity"]
 OPACITY_THRESHOLD = _NUMBERS["opacityThreshold"]
 IOR = _NUMBERS["ior"]
+SPECULAR_EDGE_COLOR = _NUMBERS["specularEdgeColor"]
 OPACITY_MODE = _NUMBERS["opacityMode"]
 
 
@@ -80,11 +80,17 @@ class PreviewSurface(Watched):
         roughness: its square is the GGX alpha.
         clearcoat: weight of a second, white specular lobe.
         clearcoatRoughness: roughness of that lobe.
-        opacity: 1 opaque … 0 clear.
+        opacity: 1 opaque … 0 clear. Light that passes goes straight on, whatever `ior` says: the specification asks for
+            transmission of roughness 0 beside the reflections, and a surface of this kind need not enclose anything.
+            `Dielectric` refracts.
         opacityMode: "transparent" (the diffuse part fades, reflections stay) or "presence" (all fades).
         opacityThreshold: above 0, a cut-out: below it nothing is drawn, from it on the surface is opaque.
-        ior: index of refraction; sets F0 of dielectrics and of the clearcoat. Light goes straight through.
+        ior: index of refraction; sets F0 of dielectrics and of the clearcoat, nothing else.
         normal: in the tangent frame of the texture coordinates; of any length.
+        displacement: how far points move along the normal, in object units, when a stage or a mesh is taken into a
+            scene (`displacement.displaced`).
+        specularEdgeColor: F90 in the specular workflow, where the specification knows white alone; other surfaces that
+            are drawn as this one have weights on it.
     """
 
     diffuseColor: Color = (0.18, 0.18, 0.18)
@@ -100,6 +106,8 @@ class PreviewSurface(Watched):
     opacityThreshold: Number = 0.0
     ior: Number = 1.5
     normal: Color = (0.0, 0.0, 1.0)
+    displacement: Number = 0.0
+    specularEdgeColor: Color = (1.0, 1.0, 1.0)
 
     def pack(self) -> np.ndarray:
         """Values by input number: (n, 3)."""
@@ -135,6 +143,7 @@ class PreviewSurface(Watched):
         names = ("diffuseColor", "specularColor", "useSpecularWorkflow", "metallic", "roughness", "ior")
         if any(isinstance(getattr(self, name), Varying) for name in (*names, "clearcoat", "clearcoatRoughness")):
             return 1.0
+        # A white edge bounds every other one.
         tint, f0, f90 = np.array(self.diffuseColor), np.array(self.specularColor), 1.0
         diffuse, coat_f0 = tint, ((1 - self.ior) / (1 + self.ior)) ** 2
         if not self.useSpecularWorkflow:
@@ -176,7 +185,7 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
         bsdf.emission = row_of(values, EMISSIVE_COLOR)
         r = (1.0 - values[IOR, 0]) / (1.0 + values[IOR, 0])
         bsdf.coat_f0 = wp.min(r * r, 1.0)
-        bsdf.f90 = wp.vec3(1.0, 1.0, 1.0)
+        bsdf.f90 = clamped(row_of(values, SPECULAR_EDGE_COLOR))
         bsdf.diffuse = clamped(row_of(values, DIFFUSE_COLOR))
         bsdf.f0 = clamped(row_of(values, SPECULAR_COLOR))
         if values[USE_SPECULAR_WORKFLOW, 0] < 0.5:
@@ -204,18 +213,6 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
         return bsdf
 
     return prepare
-
-
-@wp.func
-def row_of(values: MaterialValues, number: int) -> wp.vec3:
-    """A colour among the values."""
-    return wp.vec3(values[number, 0], values[number, 1], values[number, 2])
-
-
-@wp.func
-def clamped(color: wp.vec3) -> wp.vec3:
-    """A reflectance within what a surface can reflect."""
-    return wp.vec3(wp.clamp(color[0], 0.0, 1.0), wp.clamp(color[1], 0.0, 1.0), wp.clamp(color[2], 0.0, 1.0))
 
 
 @wp.func

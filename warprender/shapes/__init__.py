@@ -2,9 +2,10 @@
 
 from .mesh import Mesh, triangulate
 from .primvar import Primvar
+from .sdf import Sdf
 from .sphere import Sphere
 
 #: Shape kinds in the order of their ids on the device.
-SHAPES = (Mesh, Sphere)
+SHAPES = (Mesh, Sphere, Sdf)
 
-__all__ = ["SHAPES", "Mesh", "Primvar", "Sphere", "triangulate"]
+__all__ = ["SHAPES", "Mesh", "Primvar", "Sdf", "Sphere", "triangulate"]

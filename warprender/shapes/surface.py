@@ -10,6 +10,7 @@ from ..numerics import is_finite, linear_of, place_point, safe_normalize, transl
 from ..records import DeviceScene, Hit, Instance, Ray, Surface
 from .local_surface import LocalSurface
 from .mesh import mesh_surface
+from .sdf import sdf_surface_function
 from .sphere import sphere_surface
 
 #: A shading normal that turns away more than the surface itself is bent back to this cosine.
@@ -65,9 +66,11 @@ def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surfac
 
 
 @cache
-def surface_function(shapes: tuple[str, ...]) -> wp.Function:
-    """`surface_at(scene, ray, hit)` for hits on these kinds of shapes, by class name."""
+def surface_function(shapes: tuple[str, ...], sdfs: tuple[wp.Function, ...] = ()) -> wp.Function:
+    """`surface_at(scene, ray, hit)` for hits on these kinds of shapes, by class name, and these distance functions."""
     with_spheres = "Sphere" in shapes
+    with_sdfs = bool(sdfs)
+    sdf_surface = sdf_surface_function(sdfs) if sdfs else None
 
     @wp.func
     def surface_at(scene: DeviceScene, ray: Ray, hit: Hit) -> Surface:
@@ -78,6 +81,12 @@ def surface_function(shapes: tuple[str, ...]) -> wp.Function:
                 origin = object_origin(placed, ray.origin)
                 direction = linear_of(placed.to_object) * ray.direction
                 return place(scene, ray, hit, sphere_surface(geometry, hit, origin, direction))
+        if wp.static(with_sdfs):
+            if geometry.kind == 2:
+                placed = scene.world.instances[hit.instance]
+                origin = object_origin(placed, ray.origin)
+                direction = linear_of(placed.to_object) * ray.direction
+                return place(scene, ray, hit, sdf_surface(scene, geometry.sdf, origin, direction, hit.t))
         return place(scene, ray, hit, mesh_surface(geometry, hit))
 
     return surface_at

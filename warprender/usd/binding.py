@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
+from ..materials.inputs import Number, Varying
+from ..scene import RenderSettings
 from .materials import read_material
 from .reading import Reading, shared_prim
 
 #: Binding purposes in the order of preference; each falls back to the bindings for all purposes. A material
 #: of the first purpose that cannot be drawn gives way to one of the next.
 PURPOSES = ("full", "preview")
+
+
+def binding_purposes(settings: RenderSettings) -> tuple[str, ...]:
+    """The settings' purposes; after "full" comes "preview" in any case, for full materials that cannot be drawn."""
+    if not settings.materialBindingPurposes:
+        return PURPOSES
+    named = tuple(purpose for purpose in settings.materialBindingPurposes if purpose)
+    if not named:
+        return ("",)
+    return (*named, "preview") if "full" in named and "preview" not in named else named
 
 
 class Bindings:
@@ -28,7 +40,7 @@ class Bindings:
         prims = list({prim.GetPath(): prim for prim in prims}.values())
         prims += [subset.GetPrim() for prim in prims for subset in material_subsets(prim)]
         undecided = prims
-        for purpose in PURPOSES:
+        for purpose in binding_purposes(self._reading.scene.settings):
             materials, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(undecided, purpose)
             for prim, material in zip(undecided, materials, strict=True):
                 self._keys[prim.GetPath()] = self._key(material) if material else ""
@@ -44,6 +56,11 @@ class Bindings:
         """Materials of the prim itself and of its subsets in order, () without subsets."""
         subsets = [self.key(subset.GetPrim()) for subset in material_subsets(prim)]
         return (self.key(prim), *subsets) if subsets else ()
+
+    def displacements(self, keys: Iterable[str]) -> dict[str, Number]:
+        """Displacement by material key, of those of the keys whose material displaces."""
+        found = {key: getattr(self._reading.scene.materials.get(key), "displacement", 0.0) for key in keys}
+        return {key: value for key, value in found.items() if isinstance(value, Varying) or value != 0.0}
 
     def face_materials(self, prim: Usd.Prim, faces: int) -> dict[str, np.ndarray]:
         """Material key to the faces that a GeomSubset gives it; a face belongs to its first subset.

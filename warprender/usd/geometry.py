@@ -10,7 +10,7 @@ from ..shapes.normals import vertex_normals
 from ..shapes.subdivision.cage import SCHEMES
 from .primvars import read_builtin, read_primvars
 from .reading import Reading
-from .skeletons import posed_normals, posed_points
+from .skeletons import posed
 from .subdivided import is_left_handed, subdivide
 from .topology import Topology, checked_topology, read_topology
 
@@ -31,17 +31,18 @@ def read_mesh(reading: Reading, prim: Usd.Prim) -> Mesh | None:
         reading.remark(prim, "it has faces but no points")
         return None
     points = np.nan_to_num(points, nan=0.0, posinf=0.0, neginf=0.0)
-    skin, moved = reading.skins.get(str(prim.GetPath())), None
-    if skin:
-        points, moved = posed_points(reading, skin, points)
+    skin = reading.skins.get(str(prim.GetPath()))
+    pose = posed(reading, skin, points) if skin else None
+    if pose:
+        points = pose.points
     primvars = read_primvars(reading, prim, topology.sizes(len(points)))
     mesh = None
     if reading.level > 0 and reading.get(schema.GetSubdivisionSchemeAttr()) in SCHEMES:
         mesh = subdivide(reading, schema, topology, points, primvars)
     if mesh is None:
         mesh = _read_cage(reading, schema, topology, points.astype(np.float32), primvars)
-        if mesh.normals and moved is not None and not is_smooth(reading, schema):
-            mesh.normals = posed_normals(mesh.normals, moved, topology.indices)
+        if mesh.normals and pose and not is_smooth(reading, schema):
+            mesh.normals = pose.normals(mesh.normals, topology.indices)
     mesh.double_sided = bool(reading.get(schema.GetDoubleSidedAttr()))
     return mesh if len(mesh.triangles) else None
 

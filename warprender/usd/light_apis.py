@@ -64,7 +64,7 @@ def _authored(values: dict[str, object]) -> dict[str, object]:
 
 def _left_out(reading: Reading, collection: Usd.CollectionAPI) -> frozenset[str]:
     """Placements that are not members. Copies of a prototype are members where it and its instancers are."""
-    if not _restricts(collection):
+    if not restricts(collection):
         return frozenset()
     query = collection.ComputeMembershipQuery()
     return frozenset(
@@ -74,7 +74,7 @@ def _left_out(reading: Reading, collection: Usd.CollectionAPI) -> frozenset[str]
     )
 
 
-def _restricts(collection: Usd.CollectionAPI) -> bool:
+def restricts(collection: Usd.CollectionAPI) -> bool:
     """Whether anything is authored that could leave a prim of the stage out."""
     root = collection.GetIncludeRootAttr()
     expression = collection.GetMembershipExpressionAttr()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import fields, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..lights import (
     Light,
     LightTexture,
     MeshLight,
+    PortalLight,
     RectLight,
     Shadow,
     Shaping,
@@ -42,9 +44,6 @@ KINDS: dict[str, type[Light]] = {
 
 def read_light(reading: Reading, prim: Usd.Prim) -> Light | None:
     """A light prim without its transform; None, with a remark, where it cannot be drawn."""
-    if prim.GetTypeName() == "PortalLight":
-        reading.remark(prim, "a portal only guides the sampling of domes, which are sampled well without it")
-        return None
     kind = KINDS.get(prim.GetTypeName())
     if kind is None:
         reading.remark(prim, f"{prim.GetTypeName()} is not drawn yet")
@@ -54,6 +53,7 @@ def read_light(reading: Reading, prim: Usd.Prim) -> Light | None:
         return None
     if isinstance(light, DomeLight):
         light.poleAxis = _pole_axis(reading, prim)
+        light.portals = tuple(_portals(reading, prim))
     if isinstance(light, DomeLight | RectLight):
         light.texture = _texture(reading, prim)
     return light
@@ -125,6 +125,35 @@ def _pole_axis(reading: Reading, prim: Usd.Prim) -> str:
     """Where the top of a dome's picture is: Y for the older schema, and as DomeLight_1 says."""
     axis = str(reading.get(prim.GetAttribute("poleAxis")) or "Y")
     return str(UsdGeom.GetStageUpAxis(reading.stage)) if axis == "scene" else axis
+
+
+def _portals(reading: Reading, prim: Usd.Prim) -> Iterator[PortalLight]:
+    """The openings that a dome names by its relationship `portals`."""
+    relationship = prim.GetRelationship("portals")
+    for path in relationship.GetForwardedTargets() if relationship else ():
+        target = reading.stage.GetPrimAtPath(path)
+        if not target or target.GetTypeName() != "PortalLight":
+            reading.remark(prim, f"{path}, which it names as a portal, is not a PortalLight")
+            continue
+        reading.portals.add(path)
+        sizes = {name: light_input(reading, target, name) for name in ("width", "height")}
+        transform = UsdGeom.Xformable(target).ComputeLocalToWorldTransform(reading.time)
+        values = {name: float(value) for name, value in sizes.items() if value is not None}
+        portal = PortalLight(**values, transform=np.array(transform, np.float64))
+        if np.isfinite([portal.width, portal.height]).all() and np.isfinite(portal.transform).all():
+            yield portal
+        else:
+            reading.remark(target, "it has inputs that are not finite and does nothing")
+
+
+def remark_on_portals(reading: Reading, prims: Iterable[Usd.Prim]) -> None:
+    """Remark on portals that no dome names, and on what is authored on one that cannot have an effect."""
+    for prim in prims:
+        if prim.GetPath() not in reading.portals:
+            reading.remark(prim, "no dome names it in its portals: it does nothing")
+        for name in ("intensity", "exposure", "color", "diffuse", "specular"):
+            if light_input(reading, prim, name) is not None:
+                reading.remark(prim, f"a portal guides the sampling of its dome and has no {name} of its own")
 
 
 def _texture(reading: Reading, prim: Usd.Prim) -> LightTexture | None:

@@ -9,16 +9,19 @@ from contextlib import contextmanager
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
-from ..scene import Scene, SceneError
+from ..scene import RenderSettings, Scene, SceneError
 from .binding import Bindings
 from .cameras import read_cameras
+from .lights import remark_on_portals
+from .materialx.references import is_about_documents, resolved_stage
+from .passes import read_pass
 from .placing import mark_sound, place_lights, place_mesh_light, place_shape
 from .reading import Diagnostics, Reading, one_line
 from .settings import read_settings
 from .skeletons import find_skins
 from .stage import open_stage, read_metadata
 from .stillness import still_shapes
-from .walk import is_light, is_mesh_light, walk
+from .walk import is_light, is_mesh_light, is_portal, walk
 
 #: What usdrecord draws besides `default`.
 PURPOSES = ("proxy",)
@@ -40,6 +43,7 @@ def load(
     session_layer: str | os.PathLike | None = None,
     complexity: float | str = 1.0,
     render_settings: str | None = None,
+    render_pass: str | None = None,
     draw_modes: bool = True,
 ) -> Scene:
     """Read a USD stage.
@@ -47,14 +51,15 @@ def load(
     Args:
         path: a .usda, .usdc, .usd or .usdz file, or a `Usd.Stage`.
         time: time code; None is the stage's startTimeCode if it is authored, else as early as anything is.
-        purposes: purposes to draw besides "default", of "render", "proxy" and "guide"; None is usdrecord's,
-            ("proxy",).
+        purposes: purposes to draw besides "default", of "render", "proxy" and "guide"; None is what the render
+            settings include, else usdrecord's, ("proxy",).
         variants: prim path to variant set to selection, as {"/Car": {"paint": "red"}}.
         mask: prim paths; only they, what they contain and their ancestors are read.
         session_layer: a layer whose opinions win over the stage's.
         complexity: usdrecord's, 1.0 to 1.3 or low, medium, high, veryhigh: 0 to 3 levels of subdivision.
         draw_modes: whether models may be drawn as boxes, axes or cards where the stage says so.
         render_settings: path of the RenderSettings prim; None is the stage's own choice.
+        render_pass: path of a RenderPass prim, which has settings of its own and may leave prims out.
 
     Returns:
         The scene, in the stage's own units and axes. What cannot be drawn is named in `scene.warnings`.
@@ -70,6 +75,7 @@ def load(
         session_layer=session_layer,
         complexity=complexity,
         render_settings=render_settings,
+        render_pass=render_pass,
         draw_modes=draw_modes,
     )
     return reader.read(time)
@@ -92,14 +98,20 @@ class StageReader:
         session_layer: str | os.PathLike | None = None,
         complexity: float | str = 1.0,
         render_settings: str | None = None,
+        render_pass: str | None = None,
         draw_modes: bool = True,
     ) -> None:
         """Open the stage; raises SceneError as `load` does."""
-        self._path, self._render_settings, self._draw_modes = path, render_settings, draw_modes
-        self._purposes, self._level = _purposes(purposes), _level(complexity)
+        if render_settings and render_pass:
+            raise SceneError(
+                f"render pass {render_pass}: it has settings of its own; {render_settings} is one too many"
+            )
+        self._path, self._render_settings, self._render_pass = path, render_settings, render_pass
+        self._purposes, self._level, self._draw_modes = _purposes(purposes), _level(complexity), draw_modes
         self._last: Reading | None = None
         with Diagnostics() as self._opening, _as_scene_errors(path):
-            self._stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
+            stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
+            self._stage, self._unread = resolved_stage(stage)
 
     def read(self, time: float | Usd.TimeCode | None = None) -> Scene:
         """The scene at a time code.
@@ -114,21 +126,50 @@ class StageReader:
             SceneError: as `load`.
         """
         with Diagnostics() as diagnostics, _as_scene_errors(self._path):
-            reading = Reading(
-                self._stage,
-                _time_code(self._stage, time),
-                self._purposes,
-                self._level,
-                draw_modes=self._draw_modes,
-                shapes=still_shapes(self._last) if self._last else {},
-                surfaces=self._last.surfaces if self._last else {},
-            )
-            _read(reading, self._render_settings)
+            reading = self._reading(time)
+            if self._last:
+                reading.shapes, reading.surfaces = still_shapes(self._last), self._last.surfaces
+            self._read_settings(reading)
+            _read(reading)
         for line in self._opening.lines + diagnostics.lines:
-            if HARMLESS not in line:
+            if HARMLESS not in line and not is_about_documents(line):
                 reading.scene.warn(line)
+        for line in self._unread:
+            reading.scene.warn(line)
         self._last = reading
         return reading.scene
+
+    def settings(self, time: float | Usd.TimeCode | None = None) -> RenderSettings:
+        """The render settings at a time code, without the rest of the scene.
+
+        Args:
+            time: as in `load`.
+
+        Raises:
+            SceneError: as `load`.
+        """
+        with Diagnostics(), _as_scene_errors(self._path):
+            reading = self._reading(time)
+            self._read_settings(reading)
+        return reading.scene.settings
+
+    def _reading(self, time: float | Usd.TimeCode | None) -> Reading:
+        time_code = _time_code(self._stage, time)
+        return Reading(self._stage, time_code, self._purposes or frozenset(), self._level, draw_modes=self._draw_modes)
+
+    def _read_settings(self, reading: Reading) -> None:
+        """What comes before all else: it says which prims are drawn, and with which of their materials."""
+        scene, layer = reading.scene, reading.stage.GetRootLayer()
+        scene.source = layer.realPath or layer.identifier
+        read_cameras(reading)
+        path = self._render_settings
+        if self._render_pass:
+            reading.render_pass = read_pass(reading, self._render_pass)
+            path = reading.render_pass.settings
+        scene.settings = read_settings(reading, path)
+        if self._purposes is None:
+            included = scene.settings.includedPurposes
+            reading.purposes = _purposes(PURPOSES if included is None else included)
 
 
 @contextmanager
@@ -140,13 +181,9 @@ def _as_scene_errors(path: object) -> Iterator[None]:
         raise SceneError(f"{path}: {one_line(error)}") from None
 
 
-def _read(reading: Reading, render_settings: str | None) -> None:
+def _read(reading: Reading) -> None:
     scene = reading.scene
-    layer = reading.stage.GetRootLayer()
-    scene.source = layer.realPath or layer.identifier
     read_metadata(reading.stage, scene)
-    read_cameras(reading)
-    read_settings(reading, render_settings)
     reading.skins = find_skins(reading)
     visits = list(walk(reading))
     mark_sound(visits)
@@ -156,8 +193,9 @@ def _read(reading: Reading, render_settings: str | None) -> None:
     for visit in shapes:
         reading.attempt(visit.prim, place_shape, visit, bindings)
     for visit in visits:
-        if is_light(visit.prim) and visit.draw_mode == "default":
+        if is_light(visit.prim) and not is_portal(visit.prim) and visit.draw_mode == "default":
             reading.attempt(visit.prim, place_lights, visit)
+    remark_on_portals(reading, [v.prim for v in visits if is_portal(v.prim)])
     for prim in {v.prim.GetPath(): v.prim for v in shapes if is_mesh_light(v.prim)}.values():
         reading.attempt(prim, place_mesh_light, prim)
     scene.bounds = _world_bounds(reading)
@@ -193,8 +231,10 @@ def _time_code(stage: Usd.Stage, time: float | Usd.TimeCode | None) -> Usd.TimeC
     return Usd.TimeCode.EarliestTime()
 
 
-def _purposes(purposes: Iterable[str] | None) -> frozenset[str]:
-    chosen = frozenset(PURPOSES if purposes is None else purposes) | {"default"}
+def _purposes(purposes: Iterable[str] | None) -> frozenset[str] | None:
+    if purposes is None:
+        return None
+    chosen = frozenset(purposes) | {"default"}
     unknown = chosen - {"default", "render", "proxy", "guide"}
     if unknown:
         raise SceneError(f"purposes: {', '.join(sorted(unknown))}: there is no such purpose")

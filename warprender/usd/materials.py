@@ -1,71 +1,142 @@
-"""UsdShade materials that end in a UsdPreviewSurface."""
+"""UsdShade materials that end in a surface of ours, a UsdPreviewSurface, or one of MaterialX drawn as one."""
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import Field, fields
 
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import PreviewSurface
+from ..materials import Dielectric, Material, MeasuredBRDF, PreviewSurface
 from ..materials.inputs import Varying
+from .materialx.inputs import resolve
+from .materialx.surfaces import displacement_input, is_node, is_surface, surface_inputs
 from .reading import Reading, one_line
-from .textures import is_output, producer, read_node
+from .textures import asset_file, is_output, producer, read_node
+
+#: The one input of a surface that moves it, which counts by an output of its own.
+DISPLACEMENT = "displacement"
+#: Kinds of material by shader id, whose inputs have the names of the fields.
+KINDS = {
+    "UsdPreviewSurface": PreviewSurface,
+    "ND_UsdPreviewSurface_surfaceshader": PreviewSurface,
+    "warprender:Dielectric": Dielectric,
+}
+#: Inputs that mean nothing at 0 and below.
+ABOVE_ZERO = {Dielectric: ("ior", "attenuationDistance")}
 
 
-def read_material(reading: Reading, material: UsdShade.Material) -> PreviewSurface | None:
-    """The material as a `PreviewSurface`; None, with a remark if it names a surface, where it is none."""
+def read_material(reading: Reading, material: UsdShade.Material) -> Material | None:
+    """The material; None, with a remark if it names a surface, where it is none of those that are drawn.
+
+    A UsdPreviewSurface is what this renderer draws exactly, so it wins over MaterialX where a material has both.
+    """
     try:
-        shader, _, _ = material.ComputeSurfaceSource()
-        if not shader:
-            _remark_other_surface(reading, material)
-            return None
-        name = shader.GetShaderId() or "a shader without an id"
-        if name != "UsdPreviewSurface":
-            reading.remark(material.GetPrim(), f"surface {name} is not drawn yet")
-            return None
-        return PreviewSurface(**_inputs(reading, shader))
+        for context in ("", "mtlx"):
+            shader, _, _ = material.ComputeSurfaceSource(context)
+            name = shader.GetShaderId() if shader else ""
+            if name == "warprender:MeasuredBRDF":
+                return _read_measured_brdf(reading, shader)
+            if name in KINDS:
+                inputs = _inputs(reading, shader, KINDS[name])
+                if KINDS[name] is PreviewSurface:
+                    _remark_straight_through(reading, shader, inputs)
+                    inputs |= _displacement(reading, material, shader)
+                return KINDS[name](**inputs)
+            if shader and name and is_surface(shader):
+                return PreviewSurface(**surface_inputs(reading, shader) | _displacement(reading, material, shader))
+        _remark_other_surface(reading, material)
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
-        return None
+    return None
 
 
 def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None:
+    shader, _, _ = material.ComputeSurfaceSource("mtlx")
+    if shader:
+        name = shader.GetShaderId() or "a shader without an id"
+        reading.remark(material.GetPrim(), f"surface {name} is not drawn yet")
+        return
     contexts = [str(o.GetBaseName()) for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
     if contexts:
         reading.remark(material.GetPrim(), f"surface {contexts[0]} is not drawn yet")
 
 
-def _inputs(reading: Reading, shader: UsdShade.Shader) -> dict[str, object]:
-    """Constants, textures and primvars of the shader's inputs, by field of `PreviewSurface`."""
-    values = {}
-    for field in fields(PreviewSurface):
-        source = producer(reading, shader, field.name)
-        if source is None:
-            continue
-        value = read_node(reading, source) if is_output(source) else reading.get(source)
-        if value is None:
-            continue
-        if isinstance(value, Varying):
-            if field.name == "opacityMode":
-                reading.remark(shader.GetPrim(), "opacityMode cannot vary; transparent is taken")
-                continue
-            values[field.name] = value
-            continue
-        try:
-            values[field.name] = _converted(value, field.default)
-        except (TypeError, ValueError):
-            reading.remark(shader.GetPrim(), f"{field.name} is {value!r}; {field.default!r} is taken")
+def _read_measured_brdf(reading: Reading, shader: UsdShade.Shader) -> MeasuredBRDF | None:
+    """The measured material; None, with a remark, where its file cannot be read."""
+    file = asset_file(reading, producer(reading, shader, "file"))
+    if not file:
+        reading.remark(shader.GetPrim(), "warprender:MeasuredBRDF names no file; it is drawn as if unbound")
+        return None
+    try:
+        return MeasuredBRDF(file)
+    except ValueError as error:
+        reading.remark(shader.GetPrim(), f"{error}; it is drawn as if unbound")
+        return None
+
+
+def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> dict[str, object]:
+    """Constants, textures and primvars of the shader's inputs, by field of the kind of material."""
+    found = {field.name: _input(reading, shader, field) for field in fields(kind) if field.name != DISPLACEMENT}
+    values = {name: value for name, value in found.items() if value is not None}
+    if isinstance(values.get("opacityMode"), Varying):
+        reading.remark(shader.GetPrim(), "opacityMode cannot vary; transparent is taken")
+        del values["opacityMode"]
+    for name in ABOVE_ZERO.get(kind, ()):
+        if not isinstance(values.get(name), Varying) and values.get(name, 1.0) <= 0:
+            reading.remark(
+                shader.GetPrim(), f"{name} is {values.pop(name)!r}, which is not above 0; its default is taken"
+            )
     if "normal" in values:
         reading.primvars.setdefault("st", None)
-    _remark_displacement(reading, shader)
     return values
 
 
-def _remark_displacement(reading: Reading, shader: UsdShade.Shader) -> None:
-    source = producer(reading, shader, "displacement")
-    if source is not None and (is_output(source) or reading.get(source)):
-        reading.remark(shader.GetPrim(), "displacement is not drawn yet")
+def _remark_straight_through(reading: Reading, shader: UsdShade.Shader, values: dict[str, object]) -> None:
+    """Say that clear surfaces do not bend light, where the stage asks for an index of refraction."""
+    opacity, threshold = values.get("opacity", 1.0), values.get("opacityThreshold", 0.0)
+    clear = isinstance(opacity, Varying) or opacity < 1.0
+    cut_out = isinstance(threshold, Varying) or threshold > 0.0
+    presence = values.get("opacityMode") == "presence"
+    if clear and not cut_out and not presence and values.get("ior", 1.0) != 1.0:
+        reading.remark(
+            shader.GetPrim(),
+            "light goes straight through it, its ior is for reflections alone; a warprender:Dielectric refracts",
+        )
+
+
+def _input(reading: Reading, shader: UsdShade.Shader, field: Field) -> object:
+    """What an input is, None where nothing is authored that can be taken."""
+    source = producer(reading, shader, field.name)
+    if source is None:
+        return None
+    if is_output(source) and is_node(source):
+        value = resolve(reading, shader.GetPrim(), lambda passing: passing.output(source), np.size(field.default))
+    else:
+        value = read_node(reading, source) if is_output(source) else reading.get(source)
+    if value is None or isinstance(value, Varying):
+        return value
+    try:
+        return _converted(value, field.default)
+    except (TypeError, ValueError):
+        reading.remark(shader.GetPrim(), f"{field.name} is {value!r}; {field.default!r} is taken")
+        return None
+
+
+def _displacement(reading: Reading, material: UsdShade.Material, surface: UsdShade.Shader) -> dict[str, object]:
+    """The displacement of the shader that the material's own output names; a remark where no output is connected."""
+    field = next(field for field in fields(PreviewSurface) if field.name == DISPLACEMENT)
+    shader, _, _ = material.ComputeDisplacementSource("mtlx")
+    if shader and (shader.GetShaderId() or "").startswith("ND_displacement"):
+        value = displacement_input(reading, shader)
+    else:
+        value = _input(reading, shader or surface, field)
+    if value is None:
+        return {}
+    if not shader and value != 0.0:
+        reading.remark(material.GetPrim(), "its displacement is not drawn: outputs:displacement is not connected")
+        return {}
+    return {DISPLACEMENT: value}
 
 
 def _converted(value: object, default: object) -> object:
@@ -73,6 +144,6 @@ def _converted(value: object, default: object) -> object:
     if isinstance(default, str):
         return str(value)
     numbers = np.asarray(value, np.float64).reshape(-1)
-    if len(numbers) != np.size(default) or not np.isfinite(numbers).all():
+    if len(numbers) != np.size(default) or not (np.isfinite(numbers) | (numbers == default)).all():
         raise ValueError("not such a value")
     return tuple(map(float, numbers)) if isinstance(default, tuple) else type(default)(numbers[0])

@@ -10,6 +10,8 @@ from pxr import Sdf, Usd, UsdGeom
 
 from ..lights import MeshLight
 from ..materials import PreviewSurface
+from ..materials.displacement import displaced
+from ..materials.inputs import Number
 from ..scene import Placement
 from ..shapes import Mesh, Sphere
 from .binding import Bindings
@@ -102,7 +104,9 @@ def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Call
     owner = tuple((name, primvar.values.tobytes()) for name, primvar in given.items())
     skin = reading.skins.get(str(prim.GetPath()))
     pose = skin.identity() if skin else ()
-    key = (shared_prim(prim).GetPath(), inherited_from(reading, prim), subsets, owner, pose)
+    displacements = bindings.displacements({bindings.key(prim), *subsets})
+    look = tuple((name, repr(value)) for name, value in displacements.items())
+    key = (shared_prim(prim).GetPath(), inherited_from(reading, prim), subsets, owner, pose, look)
     if key not in reading.shapes:
         shape = read(reading, prim)
         if shape is not None and given:
@@ -110,9 +114,26 @@ def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Call
         if isinstance(shape, Mesh) and subsets:
             faces = len(reading.get(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr()))
             shape.face_materials = bindings.face_materials(prim, faces)
+        if shape is not None and displacements:
+            shape = _displaced(reading, prim, shape, bindings.key(prim), displacements)
         reading.shapes[key] = shape
     reading.sources[key] = (prim, skin)
     return reading.shapes[key]
+
+
+def _displaced(
+    reading: Reading, prim: Usd.Prim, shape: Mesh | Sphere, own: str, by_material: Mapping[str, Number]
+) -> Mesh | Sphere:
+    """The shape with its points moved as its materials say; unmoved, with a remark, where they cannot be."""
+    by_faces = {key: by_material.get(key, 0.0) for key in getattr(shape, "face_materials", {})}
+    if prim.IsA(UsdGeom.Points):
+        reading.remark(prim, "points are not displaced")
+        return shape
+    try:
+        return displaced(shape, by_material.get(own, 0.0), by_faces)
+    except ValueError as error:
+        reading.remark(prim, f"it is drawn without its displacement: {error}")
+        return shape
 
 
 def place_lights(reading: Reading, visit: Visit) -> None:

@@ -15,6 +15,7 @@ from ..shapes import Mesh, Sphere
 
 if TYPE_CHECKING:
     from ..shapes.subdivision import Subdivision
+    from .passes import RenderPass
     from .skeletons import Skin
 
 T = TypeVar("T")
@@ -37,6 +38,7 @@ class Reading:
         level: subdivision level, 0 draws the cage.
         scene: the scene being filled.
         draw_modes: whether models may be drawn as boxes, axes or cards.
+        render_pass: the pass that is drawn, None for all of the stage.
         shapes: shapes read so far by what determines them, so that instances share one.
         primvars: primvars that are read from every shape, with their numbers of components, None for any.
         sources: prim and skin that a shape was read from, by its key in `shapes`; shapes that do not depend on
@@ -46,6 +48,7 @@ class Reading:
         placed: placement's path to the paths of its prim and of the instancers that draw it.
         light_textures: pictures on lights read so far, by file and format; None for one that cannot be read.
         profiles: photometric profiles read so far, by file; None for one that cannot be read.
+        portals: PortalLights that domes name.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
         remarks: message to the prims that it is about: the path that stands in the scene, by the path of the
             prim itself, which instances share.
@@ -57,6 +60,7 @@ class Reading:
     level: int = 0
     scene: Scene = field(default_factory=Scene)
     draw_modes: bool = True
+    render_pass: RenderPass | None = None
     shapes: dict[tuple, Mesh | Sphere | None] = field(default_factory=dict)
     primvars: dict[str, int | None] = field(default_factory=lambda: {"displayColor": 3, "displayOpacity": 1})
     sound_instancers: bool = True
@@ -66,6 +70,7 @@ class Reading:
     placed: dict[str, tuple[Sdf.Path, ...]] = field(default_factory=dict)
     light_textures: dict[tuple[str, str], LightTexture | None] = field(default_factory=dict)
     profiles: dict[str, IesProfile | None] = field(default_factory=dict)
+    portals: set[Sdf.Path] = field(default_factory=set)
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def remark(self, prim: Usd.Prim, message: str) -> None:

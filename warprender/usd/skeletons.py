@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,30 +76,46 @@ def to_skeleton(skin: Skin, prim: Usd.Prim, local: np.ndarray, time: Usd.TimeCod
     return np.array(moved, np.float64) @ matrix
 
 
-def posed_points(reading: Reading, skin: Skin, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Points (N, 3) as the skeleton poses them, and the matrix (N, 4, 4) of each, None where joints move none."""
-    points = _shaped(reading, skin, points.astype(np.float64))
+@dataclass
+class Pose:
+    """What a skeleton does to the points of a mesh.
+
+    Attributes:
+        points: (N, 3) float64, posed.
+        matrices: (N, 4, 4) movement of each point, None where joints move none.
+        normal_offsets: (N, 3) what blend shapes add to the normals before the joints, None where they do not.
+    """
+
+    points: np.ndarray
+    matrices: np.ndarray | None = None
+    normal_offsets: np.ndarray | None = None
+
+    def normals(self, normals: Primvar, indices: np.ndarray) -> Primvar:
+        """Authored normals turned with the points; constant and uniform ones stay.
+
+        Args:
+            normals: of the mesh at rest.
+            indices: (C,) point of each corner.
+        """
+        if normals.interpolation not in ("vertex", "varying", "faceVarying"):
+            return normals
+        by_corner = normals.interpolation == "faceVarying"
+        values = normals.expanded().astype(np.float64)
+        if self.normal_offsets is not None:
+            values = values + (self.normal_offsets[indices] if by_corner else self.normal_offsets)
+        if self.matrices is not None:
+            values = transformed_normals(values, self.matrices[indices] if by_corner else self.matrices)
+        return Primvar(values, normals.interpolation)
+
+
+def posed(reading: Reading, skin: Skin, points: np.ndarray) -> Pose:
+    """The pose of a mesh with the points (N, 3) at rest."""
+    points, normal_offsets = _shaped(reading, skin, points.astype(np.float64))
     if not skin.has_joints:
-        return points, None
+        return Pose(points, None, normal_offsets)
     bind = np.array(skin.query.GetGeomBindTransform(reading.time), np.float64)
     each = bind @ _blended(reading, skin, len(points))
-    return transformed_points(points, each), each
-
-
-def posed_normals(normals: Primvar, matrices: np.ndarray, indices: np.ndarray) -> Primvar:
-    """Authored normals turned with the points; constant and uniform ones stay.
-
-    Args:
-        normals: of the mesh at rest.
-        matrices: (N, 4, 4) of the points.
-        indices: (C,) point of each corner.
-    """
-    values = normals.expanded().astype(np.float64)
-    if normals.interpolation in ("vertex", "varying"):
-        return Primvar(transformed_normals(values, matrices), "vertex")
-    if normals.interpolation == "faceVarying":
-        return Primvar(transformed_normals(values, matrices[indices]), "faceVarying")
-    return normals
+    return Pose(transformed_points(points, each), each, normal_offsets)
 
 
 def _blended(reading: Reading, skin: Skin, points: int) -> np.ndarray:
@@ -131,27 +148,45 @@ def _influences(reading: Reading, skin: Skin, points: int) -> Influences | None:
     return Influences(joints.reshape(points, size).astype(np.int64), weights)
 
 
-def _shaped(reading: Reading, skin: Skin, points: np.ndarray) -> np.ndarray:
-    """Points with the offsets of the active blend shapes added."""
+def _shaped(reading: Reading, skin: Skin, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Points with the offsets of the active blend shapes added, and what these add to normals, None for nothing."""
     animation = skin.skeleton.GetAnimQuery()
     if not (skin.query.HasBlendShapes() and animation):
-        return points
+        return points, None
     weights = animation.ComputeBlendShapeWeights(reading.time)
     mapper = skin.query.GetBlendShapeMapper()
     if mapper and weights is not None:
         weights = mapper.Remap(weights)
     if not weights:
-        return points
+        return points, None
     shapes = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(skin.query.GetPrim()))
     amounts, numbers, which = shapes.ComputeSubShapeWeights(weights)
     offsets, indices = shapes.ComputeSubShapePointOffsets(), shapes.ComputeBlendShapePointIndices()
-    points = points.copy()
+    moves, bends, bent = np.zeros_like(points), np.zeros_like(points), False
     for amount, number, sub in zip(amounts, numbers, which, strict=True):
         chosen = np.array(indices[number], np.int64)
-        moved = np.array(offsets[sub], np.float64).reshape(-1, 3)
         chosen = chosen if len(chosen) else np.arange(len(points))
-        if len(moved) != len(chosen) or chosen.max(initial=-1) >= len(points) or chosen.min(initial=0) < 0:
+        turns = _normal_offsets(shapes, number, sub)
+        if not _add(moves, chosen, amount, offsets[sub]):
             reading.remark(skin.query.GetPrim(), f"blend shape {number} does not fit its points")
-            continue
-        np.add.at(points, chosen, amount * moved)
-    return points
+        elif len(turns) and not _add(bends, chosen, amount, turns):
+            reading.remark(skin.query.GetPrim(), f"blend shape {number} does not fit its normals")
+        bent = bent or len(turns) > 0
+    return points + moves, bends if bent else None
+
+
+def _normal_offsets(shapes: UsdSkel.BlendShapeQuery, number: int, sub: int) -> Sequence:
+    """Normal offsets of a blend shape, or of the shape in between that `sub` is; empty where it has none."""
+    between = shapes.GetInbetween(sub)
+    if between:
+        return between.GetNormalOffsets() or ()
+    return shapes.GetBlendShape(number).GetNormalOffsetsAttr().Get() or ()
+
+
+def _add(sums: np.ndarray, chosen: np.ndarray, amount: float, offsets: Sequence) -> bool:
+    """Add `amount` times the offsets to the rows `chosen`; False where they do not fit."""
+    values = np.array(offsets, np.float64).reshape(-1, 3)
+    if len(values) != len(chosen) or chosen.max(initial=-1) >= len(sums) or chosen.min(initial=0) < 0:
+        return False
+    np.add.at(sums, chosen, amount * values)
+    return True

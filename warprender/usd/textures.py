@@ -48,7 +48,7 @@ def _read_texture(reading: Reading, node: UsdShade.Shader, channel: str) -> Text
         reading.remark(node.GetPrim(), f"UsdUVTexture has no output {channel}; rgb is taken")
         channel = "rgb"
     fallback = _numbers(reading, node, "fallback", (0.0, 0.0, 0.0, 1.0))
-    file = _file(reading, node)
+    file = asset_file(reading, producer(reading, node, "file"))
     if not file:
         reading.remark(node.GetPrim(), "it names no file; its fallback is taken")
         return fallback[:3] if channel == "rgb" else fallback["rgba".index(channel)]
@@ -68,9 +68,8 @@ def _read_texture(reading: Reading, node: UsdShade.Shader, channel: str) -> Text
     )
 
 
-def _file(reading: Reading, node: UsdShade.Shader) -> str:
+def asset_file(reading: Reading, attribute: Usd.Attribute | None) -> str:
     """The resolved path, with `<UDIM>` left in; the path as written where nothing is found; "" for none."""
-    attribute = producer(reading, node, "file")
     value = reading.get(attribute) if attribute and not is_output(attribute) else None
     if not isinstance(value, Sdf.AssetPath) or not value.path:
         return ""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom, UsdShade
+from pxr import Tf, Usd, UsdGeom, UsdProc, UsdShade
 
 from .draw_modes import applies, inherited_mode
 from .instances import Frame, expand
@@ -69,26 +69,31 @@ def walk(reading: Reading) -> Iterator[Visit]:
         prim = step.prim
         if prim.IsA(UsdShade.Material) or not _is_visible(reading, prim):
             continue
+        if reading.render_pass and reading.render_pass.prunes(prim):
+            continue
         local = _local_transform(reading, cache, step)
         purpose = _purpose(prim, step.purpose)
         mode = inherited_mode(prim, step.draw_mode) if reading.draw_modes else "default"
         if mode != "default" and applies(prim):
-            if _is_included(reading, purpose):
+            if _is_included(reading, prim, purpose):
                 yield Visit(prim, local, step.frame, mode)
             continue
         if prim.IsA(UsdGeom.PointInstancer):
             if not step.frame.instancers:
                 reading.scene.frames[str(prim.GetPath())] = local
-            if _is_included(reading, purpose):
+            if _is_included(reading, prim, purpose):
                 prototypes = reading.attempt(prim, expand, UsdGeom.PointInstancer(prim), local, step.frame)
                 for prototype, frame in reversed(prototypes or []):
                     stack.append(_Step(prototype, np.eye(4), frame, purpose, IN_PROTOTYPE, mode))
             continue
-        if _is_drawable(prim) and _is_included(reading, purpose):
-            yield Visit(prim, local, step.frame)
-        elif not step.frame.instancers and prim.IsA(UsdGeom.Xformable):
+        if _is_included(reading, prim, purpose):
+            if _is_drawable(prim):
+                yield Visit(prim, local, step.frame)
+            else:
+                _name_undrawn(reading, prim)
+        if not step.frame.instancers and prim.IsA(UsdGeom.Xformable) and not _is_drawable(prim):
             reading.scene.frames[str(prim.GetPath())] = local
-        for child in reversed(prim.GetFilteredChildren(step.predicate)):
+        for child in reversed(_children(reading, prim, step.predicate)):
             stack.append(_Step(child, local, step.frame, purpose, step.predicate, mode))
 
 
@@ -96,9 +101,34 @@ def _is_drawable(prim: Usd.Prim) -> bool:
     return prim.IsA(UsdGeom.Gprim) or is_light(prim)
 
 
+def _name_undrawn(reading: Reading, prim: Usd.Prim) -> None:
+    """Remark on prims that renderers with more plug-ins would draw; their children are walked all the same."""
+    name = prim.GetTypeName()
+    if prim.IsA(UsdProc.GenerativeProcedural):
+        reading.remark(prim, f"{name} is not drawn: nothing here generates what it stands for")
+    elif name and prim.GetPrimTypeInfo().GetSchemaType() == Tf.Type.Unknown:
+        reading.remark(prim, f"its type {name} is not known to USD here, and the prim itself is not drawn")
+
+
+def _children(reading: Reading, prim: Usd.Prim, predicate: object) -> list[Usd.Prim]:
+    """The prim's children; of levels of detail the default one alone."""
+    children = prim.GetFilteredChildren(predicate)
+    if not prim.HasAPI("LODRootAPI") or not children:
+        return children
+    index = int(reading.get(prim.GetAttribute("lod:default:index")) or 0)
+    shown = children[min(max(index, 0), len(children) - 1)]
+    reading.remark(prim, f"of its {len(children)} levels of detail {shown.GetName()}, the default, is drawn")
+    return [shown]
+
+
 def is_light(prim: Usd.Prim) -> bool:
     """Whether the prim is a UsdLux light; geometry that shines is not one."""
     return prim.HasAPI("LightAPI") and not prim.IsA(UsdGeom.Gprim)
+
+
+def is_portal(prim: Usd.Prim) -> bool:
+    """Whether the prim is a portal, which gives no light of its own."""
+    return prim.GetTypeName() == "PortalLight"
 
 
 def is_mesh_light(prim: Usd.Prim) -> bool:
@@ -118,7 +148,9 @@ def _purpose(prim: Usd.Prim, inherited: UsdGeom.Imageable.PurposeInfo | None) ->
     return imageable.ComputePurposeInfo(inherited) if inherited else imageable.ComputePurposeInfo()
 
 
-def _is_included(reading: Reading, purpose: UsdGeom.Imageable.PurposeInfo | None) -> bool:
+def _is_included(reading: Reading, prim: Usd.Prim, purpose: UsdGeom.Imageable.PurposeInfo | None) -> bool:
+    if reading.render_pass and reading.render_pass.hides(prim):
+        return False
     return purpose is None or str(purpose.purpose) in reading.purposes
 
 

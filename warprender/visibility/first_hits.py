@@ -56,7 +56,7 @@ class RayHits:
 
 
 class RasterHits:
-    """First hits by the rasterizer: triangles by their edges, and rays where a sphere may be.
+    """First hits by the rasterizer: triangles by their edges, and rays where other shapes may be.
 
     Points go to clip space by one float64 matrix, of the same float32 placement that rays meet, and are rounded once.
     Raster and rays therefore differ only at centres within 2^-24 of the picture's width of an edge, and where surfaces
@@ -68,6 +68,7 @@ class RasterHits:
         scene: DeviceScene,
         geometries: Sequence[GeometryRecord],
         instances: np.ndarray,
+        rayed: np.ndarray,
         boxes: Callable[[], np.ndarray],
         camera: CameraRecord,
         effects: tuple[str, ...],
@@ -81,6 +82,7 @@ class RasterHits:
             scene: the scene on its device.
             geometries: the host's copies of `scene.geometries`.
             instances: (I,) ints, the geometry of each instance.
+            rayed: (G, 2, 3) object boxes of the geometries that only rays find, empty ones of the others.
             boxes: returns the boxes (I, 2, 3) of the instances in the scene's coordinates, NaN for what is not drawn;
                 called for orthographic cameras.
             camera: a pinhole or an orthographic camera without clipping planes.
@@ -96,14 +98,18 @@ class RasterHits:
         self._seen: Raster | None = None
         self._draw = self._draws.paint if painter else self._draws.rasterize
         self._boxes, self._device = boxes, device
-        radius = np.array([g.radius for g in geometries], np.float32)[instances]
-        self._balls = Balls()
-        self._balls.instances = _ints(np.flatnonzero(radius > 0), device)
-        self._balls.radius = wp.array(radius[radius > 0], dtype=wp.float32, device=device)
-        self._balls.boxes = wp.empty(len(self._balls.instances), dtype=wp.vec4i, device=device)
+        corners = rayed[instances]
+        boxed = np.flatnonzero(corners[:, 0, 0] < corners[:, 1, 0])
+        self._rayed = ForRays()
+        self._rayed.instances = wp.array(boxed.astype(np.int32), dtype=wp.int32, device=device)
+        self._rayed.lowers, self._rayed.uppers = (
+            wp.array(np.ascontiguousarray(corners[boxed, k], np.float32), dtype=wp.vec3, device=device)
+            for k in range(2)
+        )
+        self._rayed.boxes = wp.empty(len(boxed), dtype=wp.vec4i, device=device)
         self._by_ray = wp.zeros((camera.height, camera.width), dtype=wp.uint8, device=device)
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
-        self._kernel = _raster_kernel(effects, bool((radius > 0).any()), sdfs)
+        self._kernel = _raster_kernel(effects, bool(len(boxed)), sdfs)
         self.follow(scene, camera)
 
     def follow(self, scene: DeviceScene, camera: CameraRecord) -> None:
@@ -111,12 +117,12 @@ class RasterHits:
         self._scene, self._camera = scene, camera
         boxes = self._boxes() if camera.orthographic else np.zeros((0, 2, 3))
         to_clip = wp.mat44d(*clip_matrix(camera, boxes).reshape(-1))
-        count, balls = len(self._draws.matrices), len(self._balls.instances)
-        launch(_matrices_to_clip, count, [to_clip, scene.world, self._draws.matrices], self._device)
-        if balls:
+        launch(_matrices_to_clip, len(self._draws.matrices), [to_clip, scene.world, self._draws.matrices], self._device)
+        if len(self._rayed.instances):
             size = wp.vec2i(camera.width, camera.height)
-            launch(_box_balls, balls, [self._draws.matrices, size, self._balls], self._device)
-            launch(_mark_rows, camera.height, [self._balls, self._by_ray], self._device, smallest_chunk=16)
+            arguments = [self._draws.matrices, scene.world, size, self._rayed]
+            launch(_box_pixels, len(self._rayed.instances), arguments, self._device)
+            launch(_mark_rows, camera.height, [self._rayed, self._by_ray], self._device, smallest_chunk=16)
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """See `FirstHits`."""
@@ -158,13 +164,14 @@ def clip_matrix(camera: CameraRecord, boxes: np.ndarray) -> np.ndarray:
 
 
 @wp.struct
-class Balls:
-    """Placed spheres (S,): their instances, radii in object space, and left, top, right, bottom of the pixels that may
-    see each: those of the cube about it.
+class ForRays:
+    """Instances (S,) that only rays find, the corners of their boxes in object space, where inf has no end, and left,
+    top, right, bottom of the pixels that may see each.
     """
 
     instances: wp.array(dtype=wp.int32)
-    radius: wp.array(dtype=wp.float32)
+    lowers: wp.array(dtype=wp.vec3)
+    uppers: wp.array(dtype=wp.vec3)
     boxes: wp.array(dtype=wp.vec4i)
 
 
@@ -184,51 +191,50 @@ def _matrices_to_clip(first: wp.int32, to_clip: wp.mat44d, world: World, matrice
 
 
 @wp.kernel(module="unique", enable_backward=False)
-def _box_balls(first: wp.int32, matrices: wp.array(dtype=wp.mat44d), size: wp.vec2i, balls: Balls):
+def _box_pixels(first: wp.int32, matrices: wp.array(dtype=wp.mat44d), world: World, size: wp.vec2i, rayed: ForRays):
     i = first + wp.tid()
-    to_clip = matrices[balls.instances[i]]
-    radius = wp.float64(balls.radius[i])
-    half = wp.float64(0.5)
+    to_clip = matrices[rayed.instances[i]]
     low = wp.vec2d(wp.float64(wp.inf), wp.float64(wp.inf))
     high = -low
     before_eye = wp.bool(True)
-    sound = wp.bool(True)
     for k in range(8):
-        x = wp.where((k & 1) != 0, radius, -radius)
-        y = wp.where((k & 2) != 0, radius, -radius)
-        z = wp.where((k & 4) != 0, radius, -radius)
-        clip = to_clip * wp.vec4d(x, y, z, wp.float64(1.0))
-        sound = sound and wp.isfinite(clip[0]) and wp.isfinite(clip[1]) and wp.isfinite(clip[3])
-        before_eye = before_eye and clip[3] > wp.float64(0.0)
-        at = wp.vec2d(clip[0] / clip[3] * half + half, half - clip[1] / clip[3] * half)
+        corner = wp.vec4d(
+            wp.float64(wp.where((k & 1) != 0, rayed.uppers[i][0], rayed.lowers[i][0])),
+            wp.float64(wp.where((k & 2) != 0, rayed.uppers[i][1], rayed.lowers[i][1])),
+            wp.float64(wp.where((k & 4) != 0, rayed.uppers[i][2], rayed.lowers[i][2])),
+            wp.float64(1.0),
+        )
+        clip = to_clip * corner
+        # A box without an end is not before the eye, nor is what the numbers do not hold.
+        before_eye = before_eye and clip[3] > wp.float64(0.0) and wp.isfinite(clip[0] + clip[1] + clip[3])
+        at = wp.vec2d(clip[0] / clip[3], -clip[1] / clip[3])
         low = wp.min(low, at)
         high = wp.max(high, at)
     box = wp.vec4i(0, 0, size[0], size[1])
     if before_eye:
         for a in range(2):
             pixels = wp.float64(size[a])
+            half = wp.float64(0.5)
             # Clamped first: what lies far outside has no int32.
-            box[a] = wp.int32(wp.floor(wp.clamp(low[a] * pixels - wp.float64(1.0), wp.float64(0.0), pixels)))
-            box[a + 2] = wp.int32(wp.ceil(wp.clamp(high[a] * pixels + wp.float64(1.0), wp.float64(0.0), pixels)))
-    if not sound:
+            begin = wp.clamp((low[a] * half + half) * pixels - wp.float64(1.0), wp.float64(0.0), pixels)
+            end = wp.clamp((high[a] * half + half) * pixels + wp.float64(1.0), wp.float64(0.0), pixels)
+            box[a] = wp.int32(wp.floor(begin))
+            box[a + 2] = wp.int32(wp.ceil(end))
+    if world.instances[rayed.instances[i]].placed == wp.static(NOT_DRAWN):
         box = wp.vec4i(0, 0, 0, 0)
-    balls.boxes[i] = box
+    rayed.boxes[i] = box
 
 
 @wp.kernel(module="unique", enable_backward=False)
-def _mark_rows(first: wp.int32, balls: Balls, by_ray: wp.array2d(dtype=wp.uint8)):
+def _mark_rows(first: wp.int32, rayed: ForRays, by_ray: wp.array2d(dtype=wp.uint8)):
     y = first + wp.tid()
     for x in range(by_ray.shape[1]):
         by_ray[y, x] = wp.uint8(0)
-    for i in range(balls.boxes.shape[0]):
-        box = balls.boxes[i]
+    for i in range(rayed.boxes.shape[0]):
+        box = rayed.boxes[i]
         if box[1] <= y and y < box[3]:
             for x in range(box[0], box[2]):
                 by_ray[y, x] = wp.uint8(1)
-
-
-def _ints(values: np.ndarray, device: str) -> wp.array:
-    return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=device)
 
 
 def _triangles(geometry: GeometryRecord, device: str) -> Triangles:

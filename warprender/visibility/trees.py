@@ -210,6 +210,29 @@ class SphereShape:
         return record
 
 
+class SdfShape:
+    """A signed distance function: it has a place among the instances, and nothing that these trees could hit.
+
+    `bounds` (2, 3) is its box, left out where it has no end.
+    """
+
+    scale = 1.0
+
+    def __init__(self, bounds):
+        self.bounds = np.asarray(bounds, np.float32)
+        if not np.isfinite(self.bounds).all():
+            self.bounds = np.array([[np.inf] * 3, [-np.inf] * 3], np.float32)
+
+    def geometry(self):
+        """The device record of a mesh without faces."""
+        return Geometry()
+
+    def store_box(self, lowers, uppers, number):
+        """As `MeshTree.store_box`."""
+        for array, corner in zip((lowers, uppers), self.bounds, strict=True):
+            array[number : number + 1].assign(corner[None])
+
+
 # ---------------------------------------------------------------- points and faces
 
 

@@ -10,7 +10,7 @@ import warp as wp
 from ..numerics import mat34d
 from ..records import Geometry, Instance, World
 from .placing import Attachments, Placed, Rest, Shapes, launch_placing
-from .trees import MeshTree, SphereShape, WideTree
+from .trees import MeshTree, SdfShape, SphereShape, WideTree
 
 
 class WorldTree:
@@ -30,7 +30,7 @@ class WorldTree:
 
     def __init__(
         self,
-        shapes: Sequence[MeshTree | SphereShape],
+        shapes: Sequence[MeshTree | SphereShape | SdfShape],
         geometry: Sequence[int] | np.ndarray,
         to_world: np.ndarray,
         device: str | wp.Device | None = None,

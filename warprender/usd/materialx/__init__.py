@@ -1,0 +1,1 @@
+"""MaterialX: `.mtlx` files that a stage refers to, and shading networks of `ND_…` nodes."""

@@ -1,0 +1,90 @@
+"""References to `.mtlx` files in a stage, which usd-core alone cannot open.
+
+Where a prim refers to one, an opinion in a session layer adds a reference to the layer that stands for the document.
+Inside instances such an opinion counts only where it comes with the instance itself, so there it is written into a
+layer that the instance refers to, in all its copies alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pxr import Ar, Sdf, Usd
+
+from .document import ROOT, document_layer
+
+EXTENSION = ".mtlx"
+
+
+def resolved_stage(stage: Usd.Stage) -> tuple[Usd.Stage, list[str]]:
+    """The stage with its `.mtlx` references in place, and a line for each file that cannot be read.
+
+    Returns the stage itself where USD has opened all it refers to.
+    """
+    if Sdf.FileFormat.FindByExtension(EXTENSION[1:]):
+        return stage, []
+    overlay, layers, lines = Sdf.Layer.CreateAnonymous("materialx.usda"), {}, []
+    for prim, asset, target in _references(stage):
+        if asset not in layers:
+            layers[asset] = _layer(asset, lines)
+        if layers[asset] is not None:
+            _refer(overlay, layers, prim, layers[asset].identifier, target)
+    if not any(layers.values()):
+        return stage, lines
+    session = Sdf.Layer.CreateAnonymous("session.usda")
+    session.subLayerPaths = [overlay.identifier, stage.GetSessionLayer().identifier]
+    opened = Usd.Stage.OpenMasked(
+        stage.GetRootLayer(), session, stage.GetPathResolverContext(), stage.GetPopulationMask()
+    )
+    opened.SetLoadRules(stage.GetLoadRules())
+    return opened, lines
+
+
+def is_about_documents(diagnostic: str) -> bool:
+    """Whether a line of USD's says that it cannot open a document: what cannot be read says so by itself."""
+    return "Could not open asset" in diagnostic and EXTENSION in diagnostic
+
+
+def _layer(asset: str, lines: list[str]) -> Sdf.Layer | None:
+    try:
+        return document_layer(asset)
+    except ValueError as error:
+        lines.append(str(error))
+        return None
+
+
+def _references(stage: Usd.Stage) -> Iterator[tuple[Usd.Prim, str, Sdf.Path]]:
+    """Prims that refer to a document, with the document's path and the path in it."""
+    paths = {error.rootSite.path for error in stage.GetCompositionErrors()}
+    for path in sorted(paths):
+        prim = stage.GetPrimAtPath(path)
+        for spec in prim.GetPrimStack() if prim else []:
+            arcs = [*spec.referenceList.GetAddedOrExplicitItems(), *spec.payloadList.GetAddedOrExplicitItems()]
+            for arc in arcs:
+                if arc.assetPath.lower().endswith((EXTENSION, f"{EXTENSION}]")):
+                    asset = Sdf.ComputeAssetPathRelativeToLayer(spec.layer, arc.assetPath)
+                    yield prim, str(Ar.GetResolver().Resolve(asset)) or asset, arc.primPath or Sdf.Path(ROOT)
+
+
+def _refer(overlay: Sdf.Layer, layers: dict, prim: Usd.Prim, layer: str, target: Sdf.Path) -> None:
+    """Add a reference to a prim, or to all instances that share it."""
+    instance = prim
+    while instance and not instance.IsInstance():
+        instance = instance.GetParent()
+    reference = Sdf.Reference(layer, target)
+    if not instance or instance == prim:
+        _append(overlay, prim.GetPath(), reference)
+        return
+    key = f"instances of {instance.GetPrototype().GetPath()}"
+    if key not in layers:
+        layers[key] = Sdf.Layer.CreateAnonymous("instance.usda")
+        for copy in instance.GetPrototype().GetInstances():
+            _append(overlay, copy.GetPath(), Sdf.Reference(layers[key].identifier, "/Instance"))
+    inside = prim.GetPath().ReplacePrefix(instance.GetPath(), Sdf.Path("/Instance"))
+    _append(layers[key], inside, reference)
+
+
+def _append(layer: Sdf.Layer, path: Sdf.Path, reference: Sdf.Reference) -> None:
+    references = Sdf.CreatePrimInLayer(layer, path).referenceList
+    if reference not in references.appendedItems:
+        references.appendedItems.append(reference)
