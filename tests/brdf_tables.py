@@ -33,7 +33,7 @@ def lobes(cells=(40, 30, 24)):
 
 def few_cells():
     """Noise in cells so coarse that linear look-up bends in each of them."""
-    return wr.BrdfTable(np.random.default_rng(1).random((4, 3, 2, 3)) * 0.5)
+    return wr.BrdfTable(np.random.default_rng(1).random((4, 3, 2, 3)) * 0.3)
 
 
 def spike(cells=(90, 90, 180), at=(2, 30, 45), value=1000.0):

@@ -35,6 +35,24 @@ def chi_square(observed, probabilities, total):
     return 0.5 * math.erfc(z / math.sqrt(2))
 
 
+def chi_square_of_directions(pdf, directions, total, bins=(16, 32), fine=16):
+    """`chi_square` of unit directions (N, 3) of the upper hemisphere against their density per solid angle.
+
+    `pdf` takes directions (M, 3); bins in θ and φ are integrated by `fine` × `fine` midpoints. What it leaves of 1 is
+    what goes below the horizon, straight through or into a delta lobe.
+    """
+    theta = (np.arange(bins[0] * fine) + 0.5) / (bins[0] * fine) * np.pi / 2
+    phi = (np.arange(bins[1] * fine) + 0.5) / (bins[1] * fine) * 2 * np.pi - np.pi
+    sine, cosine = np.sin(theta)[:, None], np.cos(theta)[:, None]
+    grid = np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), cosine), -1)
+    density = np.asarray(pdf(grid.reshape(-1, 3)), float).reshape(len(theta), len(phi)) * sine
+    cells = density.reshape(bins[0], fine, bins[1], fine).mean((1, 3)) * (np.pi**2 / (bins[0] * bins[1]))
+    azimuth = np.arctan2(directions[:, 1], directions[:, 0])
+    polar = np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2])
+    observed, _, _ = np.histogram2d(polar, azimuth, bins, [(0, np.pi / 2), (-np.pi, np.pi)])
+    return chi_square(observed, cells, total)
+
+
 def polygon_irradiance(point, normal, corners):
     """Irradiance at a point from a polygon of radiance 1, all of it above the horizon (Lambert 1760)."""
     v = np.asarray(corners, float) - point

@@ -100,3 +100,21 @@ def test_visibility_names_the_prims_behind_pixels_that_differ(capsys):
     assert str(finding) == (
         f"{paths[0]}: pixel 2,1: rays see {paths[0]} face 7 at depth 1, the rasterizer {paths[1]} face 7 at depth 1"
     )
+
+
+def glass(points, faces, **inputs):
+    scene = wr.Scene()
+    scene.add_mesh("/glass", points, faces, material=wr.Dielectric(**inputs))
+    return [str(finding) for finding in check(scene)]
+
+
+def test_glass_that_does_not_enclose_anything_is_named():
+    points, faces = scenes.cube(1.0)
+    assert glass(points, faces) == []
+    assert glass(points, faces[:-1])[0].startswith("/glass: 4 edges do not close the mesh")
+    assert glass(points, faces[:-1], thinWalled=1) == []
+    # One face turned round opens its four edges as well; all of them make a bubble.
+    assert "4 edges" in glass(points, [*faces[:-1], faces[-1][::-1]])[0]
+    assert "look inwards" in glass(points, [face[::-1] for face in faces])[0]
+    # Corners that are stored once for each face are closed where their places are the same.
+    assert glass(points[np.reshape(faces, -1)], np.arange(24).reshape(6, 4)) == []

@@ -131,6 +131,15 @@ def test_every_flag_arrives(recorder):
     assert recorder.renders == [dict(samples=9, error=0.1, seconds=2.5, seed=5, progress=None)]
 
 
+@pytest.mark.parametrize("place", range(4))
+def test_flags_may_stand_anywhere(recorder, place):
+    arguments = ["a.usda", "a.png"] if place < 3 else ["-w", "4", "a.usda", "-r", "warprender", "a.png"]
+    if place < 3:
+        arguments[place:place] = ["-w", "4"]
+    assert main(["render", *arguments]) == 0
+    assert recorder.loads[0]["stage"] == "a.usda" and recorder.renderers[0]["resolution"][0] == 4
+
+
 def test_disable_camera_light_is_usdrecords_name_for_off(recorder):
     assert main(["render", "a.usda", "a.png", "--disableCameraLight", "-w", "4"]) == 0
     assert recorder.renderers[0]["camera_light"] == "off"
@@ -213,7 +222,8 @@ def test_errors_are_one_line_and_come_before_the_render(recorder, capsys, argume
 @pytest.mark.parametrize(
     "arguments",
     [
-        [], ["paint"], ["render"], ["render", "a", "b.png", "--samples", "0"],
+        [], ["paint"], ["render"], ["render", "a", "-w", "5", "b.png", "c.png"],
+        ["render", "a", "b.png", "--no"], ["render", "a", "b.png", "--samples", "0"],
         ["render", "a", "b.png", "--resolution", "10"], ["render", "a", "b.png", "--resolution", "0x5"],
         ["render", "a", "b.png", "--error", "nan"], ["render", "a", "b.png", "--frames", "x"],
         ["render", "a", "b.png", "--variant", "a=b"], ["render", "a", "b.png", "-d", "-f", "1"],

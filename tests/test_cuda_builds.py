@@ -7,6 +7,7 @@ import pytest
 import warp as wp
 
 from warprender.film import _resolve_kernel
+from warprender.gonioreflectometer import measure_kernel
 from warprender.integrators.none import outputs_kernel
 from warprender.integrators.path import radiance_function
 from warprender.integrators.samples import samples_kernel
@@ -21,10 +22,16 @@ def all_outputs():
     return outputs_kernel(OutputsKey(PLAIN.shapes, PLAIN.materials, CAMERA, tuple(sorted(OUTPUTS)), False))
 
 
+GLASS = PathKey(
+    ("Mesh", "Sphere"), ("Dielectric",), ("SphereLight",), (), CAMERA, True, False, features=("transmission",)
+)
+
 FAMILIES = {
     "film": _resolve_kernel,
+    "measured BRDF": lambda: measure_kernel("MeasuredBRDF", ()),
     "outputs": all_outputs,
     "path": lambda: samples_kernel(CAMERA, (), radiance_function(PLAIN)),
+    "glass": lambda: samples_kernel(CAMERA, (), radiance_function(GLASS)),
 }
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
+from bsdfs import towards
+from chance import chi_square_of_directions
 from pictures import mean_and_error, picture
-from test_materials import towards
 
 import warprender as wr
 from warprender.materials.dispatch import material_functions
@@ -154,6 +155,23 @@ def test_compensated_samples_weigh_what_evaluation_says():
     values = run(EVALUATE, [look], towards(0.4), samples["direction"], BsdfValue)[0]
     np.testing.assert_allclose(samples["pdf"], values["pdf"], rtol=1e-4)
     np.testing.assert_allclose(samples["specular"], values["specular"] / values["pdf"][:, None], rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("roughness", [0.3, 1.0])
+@pytest.mark.parametrize("cosine", [1.0, 0.3])
+def test_compensated_directions_are_distributed_as_their_pdf(roughness, cosine):
+    look = wr.PreviewSurface(
+        diffuseColor=(0.9, 0.7, 0.3), metallic=0.9, roughness=roughness, clearcoat=0.3, clearcoatRoughness=0.4
+    )
+    n = 1 << 17
+    u = np.random.default_rng(9).random((n, 3), np.float32)
+    samples = run(SAMPLE, [look], towards(cosine), u, BsdfSample)[0]
+    directions = samples["direction"][samples["event"] == SCATTER]
+
+    def pdf(wi):
+        return run(EVALUATE, [look], towards(cosine), wi, BsdfValue)[0]["pdf"]
+
+    assert chi_square_of_directions(pdf, directions, n) > 1e-5
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)

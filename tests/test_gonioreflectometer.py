@@ -61,12 +61,12 @@ def test_a_cell_holds_the_value_at_its_centre(look):
 #: those more than 6° above the horizon (cosines above 0.1); share of the albedo that is off up to 75°. The limits are
 #: about 1.3 times what MERL's cells leave. 85 % and more of it lies along the horizon, where BRDFs grow without bound.
 GRID_ERRORS = {
-    "metal 0.2": (metal(0.2), 0.019, 0.0085, 8e-3),
-    "metal 0.3": (metal(0.3), 0.013, 0.0045, 5e-3),
+    "metal 0.2": (metal(0.2), 0.019, 0.0085, 7.5e-3),
+    "metal 0.3": (metal(0.3), 0.013, 0.0045, 4e-3),
     "metal 0.5": (metal(0.5), 0.0045, 0.0014, 2e-3),
-    "metal 1.0": (metal(1.0), 0.022, 0.0015, 1e-3),
-    "coated 0.3": (coated(0.3), 0.028, 0.012, 2e-3),
-    "plastic 0.4": (wr.PreviewSurface(diffuseColor=(0.2, 0.5, 0.8), roughness=0.4), 0.02, 0.007, 1e-3),
+    "metal 1.0": (metal(1.0), 0.022, 0.0015, 1.5e-3),
+    "coated 0.3": (coated(0.3), 0.028, 0.012, 6e-3),
+    "plastic 0.4": (wr.PreviewSurface(diffuseColor=(0.2, 0.5, 0.8), roughness=0.4), 0.02, 0.007, 3.5e-3),
 }
 
 
@@ -130,8 +130,11 @@ def test_what_no_table_can_hold_is_said():
     mirror = wr.measure_brdf(wr.PreviewSurface(metallic=1.0, roughness=0.0), cells)
     assert (mirror.values[mirror.measured] == 0).all() and "mirror" in mirror.warnings[0]
     clear = wr.measure_brdf(wr.PreviewSurface(opacity=0.5, roughness=0.5), cells)
-    assert len(clear.remarks) == 1 and "straight through" in clear.remarks[0]
+    assert len(clear.remarks) == 1 and "goes through" in clear.remarks[0]
     assert wr.measure_brdf(metal(0.5), cells).remarks == ()
+    smooth, rough = (wr.measure_brdf(wr.Dielectric(roughness=roughness), cells) for roughness in (0.0, 0.5))
+    assert len(smooth.remarks) == 2 and "mirror" in smooth.remarks[0] and "goes through" in smooth.remarks[1]
+    assert len(rough.remarks) == 1 and "goes through" in rough.remarks[0] and rough.values.max() > 0
 
 
 def test_what_varies_is_refused():

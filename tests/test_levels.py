@@ -10,7 +10,7 @@ PACKAGE = Path(warprender.__file__).parent
 #: Files and folders of the package by level.
 LEVELS = (
     {"numerics", "sampling", "color", "launch", "watched"},
-    {"records", "images"},
+    {"records", "images", "denoise"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies"},
     {"scene", "material_tables"},
@@ -18,7 +18,7 @@ LEVELS = (
     {"visibility", "film"},
     {"integrators", "upload", "upload_lights", "upload_glow", "upload_shapes", "attaching", "checks", "receipt"},
     {"frame", "films", "live", "renderer", "gonioreflectometer"},
-    {"usd", "cli"},
+    {"usd", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
@@ -41,6 +41,7 @@ NEIGHBOURS = {
     ("renderer", "frame"),
     ("renderer", "films"),
     ("renderer", "live"),
+    ("cli", "study"),
     ("__main__", "__init__"),
 }
 EDGES = {"usd", "cli"}

@@ -1,11 +1,13 @@
 """Materials: sampling against evaluation, densities, reciprocity, energy, and the limits of microfacets."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import warp as wp
 from brdf_tables import few_cells, lobes
 from bsdfs import DELTA, PASS, SCATTER, evaluated, hemisphere, sampled, towards, weights
-from chance import SIGMAS, chi_square
+from chance import SIGMAS, chi_square_of_directions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,6 +24,13 @@ LOOKS = {
     "alloy": wr.PreviewSurface(diffuseColor=(0.9, 0.7, 0.3), metallic=0.5, roughness=0.7),
     "coated": wr.PreviewSurface(diffuseColor=(0.6, 0.1, 0.1), roughness=0.6, clearcoat=1.0, clearcoatRoughness=0.3),
     "specular workflow": wr.PreviewSurface(useSpecularWorkflow=1, specularColor=(0.5, 0.3, 0.1), roughness=0.5),
+    "weighted edge": wr.PreviewSurface(
+        diffuseColor=(0.6, 0.3, 0.1),
+        useSpecularWorkflow=1,
+        specularColor=(0.02, 0.01, 0.0),
+        specularEdgeColor=(0.5, 0.25, 0.0),
+        roughness=0.4,
+    ),
     "glass": wr.PreviewSurface(opacity=0.25, roughness=0.35),
     "present by half": wr.PreviewSurface(opacity=0.5, opacityMode="presence", roughness=0.35),
     "delta coat": wr.PreviewSurface(roughness=0.5, clearcoat=0.7, clearcoatRoughness=0.0),
@@ -29,6 +38,17 @@ LOOKS = {
     "measured, few cells": wr.MeasuredBRDF(few_cells()),
 }
 COSINES = (1.0, 0.7, 0.2)
+
+
+def test_a_black_edge_leaves_lambert_alone():
+    # The specification's white edge reflects at grazing angles whatever F0; without it nothing but f = ρ / π is left.
+    look = wr.PreviewSurface(
+        diffuseColor=(0.6, 0.3, 0.1), useSpecularWorkflow=1, specularEdgeColor=(0.0, 0.0, 0.0), roughness=0.2
+    )
+    wo, wi = hemisphere(512, 8), hemisphere(512, 9)
+    values = evaluated(look, wo, wi)
+    np.testing.assert_allclose(values["diffuse"], np.outer(wi[:, 2] / np.pi, (0.6, 0.3, 0.1)), rtol=2e-6)
+    assert not values["specular"].any()
 
 
 @pytest.mark.parametrize("look", LOOKS)
@@ -45,24 +65,16 @@ def test_samples_weigh_what_evaluation_says(look):
 
 @pytest.mark.parametrize("look", LOOKS)
 def test_directions_are_distributed_as_their_pdf(look):
-    # 16 × 32 bins in θ and φ, each integrated by 16 × 16 midpoints.
-    n, bins, fine = 1 << 17, (16, 32), 16
-    theta = (np.arange(bins[0] * fine) + 0.5) / (bins[0] * fine) * np.pi / 2
-    phi = (np.arange(bins[1] * fine) + 0.5) / (bins[1] * fine) * 2 * np.pi - np.pi
-    grid = towards(np.cos(theta)[:, None], phi[None, :]).reshape(-1, 3)
+    n = 1 << 17
     for cosine in COSINES:
-        pdf = (
-            evaluated(LOOKS[look], towards(cosine), grid)["pdf"].reshape(len(theta), len(phi)) * np.sin(theta)[:, None]
-        )
-        cells = pdf.astype(float).reshape(bins[0], fine, bins[1], fine).mean((1, 3))
-        probabilities = cells * (np.pi**2 / (bins[0] * bins[1]))
         samples = sampled(LOOKS[look], towards(cosine), n)
-        direction = samples["direction"][samples["event"] == SCATTER]
-        angle = np.arctan2(direction[:, 1], direction[:, 0])
-        polar = np.arctan2(np.hypot(direction[:, 0], direction[:, 1]), direction[:, 2])
-        observed, _, _ = np.histogram2d(polar, angle, bins, [(0, np.pi / 2), (-np.pi, np.pi)])
-        # What the pdf leaves of 1 is what goes below the horizon, straight through or into a delta lobe.
-        assert chi_square(observed, probabilities, n) > 1e-5
+        directions = samples["direction"][samples["event"] == SCATTER]
+        pdf = partial(densities, LOOKS[look], towards(cosine))
+        assert chi_square_of_directions(pdf, directions, n) > 1e-5
+
+
+def densities(material, wo, wi):
+    return evaluated(material, wo, wi)["pdf"]
 
 
 @pytest.mark.parametrize("look", LOOKS)

@@ -322,17 +322,42 @@ def test_a_surface_is_found_in_either_context(context):
 @pytest.mark.parametrize(
     ("surface", "name", "value"),
     [
-        *(("standard_surface", name, "0.5") for name in ("diffuse_roughness", "specular_anisotropy", "transmission")),
+        *(("standard_surface", name, "0.5") for name in ("diffuse_roughness", "specular_anisotropy")),
         *(("standard_surface", name, "0.5") for name in ("subsurface", "sheen", "thin_film_thickness")),
-        *(("open_pbr_surface", name, "0.5") for name in ("base_diffuse_roughness", "transmission_weight")),
+        *(("open_pbr_surface", name, "0.5") for name in ("base_diffuse_roughness",)),
         *(("open_pbr_surface", name, "0.5") for name in ("subsurface_weight", "fuzz_weight", "thin_film_weight")),
-        *(("gltf_pbr", name, "0.5") for name in ("transmission", "iridescence", "anisotropy_strength", "dispersion")),
+        *(("gltf_pbr", name, "0.5") for name in ("iridescence", "anisotropy_strength", "dispersion")),
     ],
 )
 def test_what_is_not_drawn_is_named(surface, name, value):
     _, warnings = drawn(f"float inputs:{name} = {value}", surface=f"{surface}_surfaceshader")
     assert warnings == [f"/m/s: {name} is not drawn"]
     assert drawn(f"float inputs:{name} = 0", surface=f"{surface}_surfaceshader")[1] == []
+
+
+def test_what_refracts_is_glass():
+    glass, warnings = drawn(
+        "float inputs:transmission = 1\nfloat inputs:specular_IOR = 1.33\nfloat inputs:specular_roughness = 0.1\n"
+        "color3f inputs:transmission_color = (0.5, 0.75, 1)\nfloat inputs:coat = 1"
+    )
+    assert isinstance(glass, wr.Dielectric) and warnings == ["/m/s: coat is not drawn where light is refracted"]
+    np.testing.assert_allclose((glass.ior, glass.roughness), (1.33, 0.1), rtol=1e-6)
+    assert glass.transmissionColor == (0.5, 0.75, 1) and glass.attenuationDistance == np.inf and not glass.thinWalled
+    glass, _ = drawn(
+        "float inputs:transmission_weight = 1\ncolor3f inputs:transmission_color = (0.5, 0.75, 1)\n"
+        "float inputs:transmission_depth = 2\nbool inputs:geometry_thin_walled = 1",
+        surface="open_pbr_surface_surfaceshader",
+    )
+    assert glass.attenuationColor == (0.5, 0.75, 1) and glass.attenuationDistance == 2 and glass.thinWalled == 1
+    assert glass.transmissionColor == (1, 1, 1)
+    glass, _ = drawn("float inputs:transmission = 1", surface="gltf_pbr_surfaceshader")
+    assert glass.thinWalled == 1 and glass.roughness == 1
+
+
+@pytest.mark.parametrize(("weight", "kind"), [(0.75, wr.Dielectric), (0.25, wr.PreviewSurface)])
+def test_what_refracts_in_part_is_one_or_the_other_and_says_so(weight, kind):
+    surface, warnings = drawn(f"float inputs:transmission = {weight}")
+    assert isinstance(surface, kind) and len(warnings) == 1 and warnings[0].startswith("/m/s: transmission is 0.")
 
 
 def test_a_coat_that_is_off_names_nothing():

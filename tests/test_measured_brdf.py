@@ -14,6 +14,7 @@ from pxr import Sdf
 from usd_stage import scene_of, stage_of
 
 import warprender as wr
+from warprender.material_tables import MaterialTables
 from warprender.materials.brdf_table import albedo_angles, angles, directions
 from warprender.materials.measured_brdf import brdf_at
 from warprender.records import BrdfRecord
@@ -369,6 +370,29 @@ def test_a_stage_refers_to_a_file_beside_it_or_in_its_package(tmp_path):
     plan = wr.Renderer(loose, scenes.window(3.0), (8, 8)).plan
     assert plan.reasons["material MeasuredBRDF"] == "/x"
     assert "MeasuredBRDF" in plan.path.materials and "material MeasuredBRDF" not in plan.absent
+
+
+def test_what_is_odd_about_the_data_is_said_once_with_prim_and_file(tmp_path):
+    values = constant(1.5 / np.pi, (4, 3, 2)).values.copy()
+    values[0, 0, 0] = -1.0
+    wr.BrdfTable(values).write(tmp_path / "brass.binary")
+    write_stage(stage_text(), tmp_path / "s.usda")
+    scene = load(tmp_path / "s.usda")
+    assert len(scene.warnings) == 2
+    for warning, words in zip(scene.warnings, ("1 of ", "it reflects up to 1.5"), strict=True):
+        assert warning.startswith(f"/A: {tmp_path / 'brass.binary'}: {words}")
+    wr.Renderer(scene, scenes.window(3.0), (8, 8))
+    assert len(scene.warnings) == 2
+
+
+def test_materials_share_the_table_of_a_file(tmp_path):
+    few_cells().write(tmp_path / "brass.binary")
+    scene = wr.Scene()
+    for k in range(3):
+        scene.add_sphere(f"/{k}", material=wr.MeasuredBRDF(tmp_path / "brass.binary"))
+    scene.add_sphere("/other", material=wr.MeasuredBRDF(few_cells()))
+    tables = MaterialTables(scene.materials, scene.materials)
+    assert len(tables.brdfs) == 2 and list(tables.materials["table"]) == [-1, 0, 0, 0, 1]
 
 
 def test_the_file_comes_through_the_material_interface(tmp_path):

@@ -326,10 +326,10 @@ def test_threads_passes_and_repeats_change_no_bit():
 def test_seeds_are_independent_estimates_of_one_picture():
     scene, view = busy()
     (a, e), (b, f) = (picture(scene, view, 24, 128, seed=seed) for seed in (0, 1))
+    wr.testing.assert_images_agree(a, b, a_error=e, b_error=f, a_samples=128, b_samples=128)
     spread = np.hypot(e, f).mean(-1)
     lit = spread > 1e-4
     z = (a - b)[..., :3].mean(-1)[lit] / spread[lit]
-    assert abs(z.mean()) < SIGMAS / np.sqrt(lit.sum())
     # A sample's deviation of a standard normal, had the samples tails no heavier than that: 1 ± 0.03 for 570 pixels.
     assert 0.85 < z.std() < 1.15
 
@@ -337,10 +337,10 @@ def test_seeds_are_independent_estimates_of_one_picture():
 def test_sobol_points_give_the_same_picture_with_less_error():
     scene, view = busy()
     (a, e), (b, f) = (picture(scene, view, 24, 128, sampler=name) for name in ("independent", "sobol"))
+    wr.testing.assert_images_agree(a, b, a_error=e, b_error=f, a_samples=128, b_samples=128)
     spread = np.hypot(e, f).mean(-1)
     lit = spread > 1e-4
     z = (a - b)[..., :3].mean(-1)[lit] / spread[lit]
-    assert abs(z.mean()) < SIGMAS / np.sqrt(lit.sum())
     # The stated error of Sobol points is an upper bound: the difference stays below what it allows.
     assert z.std() < 1.0
 

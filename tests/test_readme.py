@@ -6,7 +6,7 @@ from pathlib import Path
 import warp as wp
 
 from warprender.cli import build_parser
-from warprender.outputs import OUTPUTS
+from warprender.outputs import FILM_OUTPUTS, OUTPUTS
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -17,6 +17,11 @@ def test_the_table_of_outputs_is_complete():
     for name, output in OUTPUTS.items():
         clear = f"{output.clear:g}".replace("-", "−")
         assert f"| `{name}` | {TYPES[output.dtype]} | {clear} |" in README, name
+
+
+def test_the_table_has_what_the_samples_tell():
+    for name, dtype in FILM_OUTPUTS.items():
+        assert f"| `{name}` | {TYPES[dtype]} |" in README, name
 
 
 def test_the_flags_exist_and_all_are_there():

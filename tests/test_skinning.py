@@ -8,8 +8,9 @@ from warprender.shapes.skinning import (
     Influences,
     blended,
     dual_quaternion_blended,
-    transformed_normals,
+    normal_matrices,
     transformed_points,
+    turned_normals,
 )
 
 
@@ -55,9 +56,14 @@ def test_points_without_weights_stay():
         np.testing.assert_array_equal(blend(np.stack([turned(30)]), still)[0], np.eye(4))
 
 
+def test_normals_of_a_flattened_joint_are_finite():
+    flat = normal_matrices(np.diag([1.0, 1.0, 0.0, 1.0])[None])
+    np.testing.assert_array_equal(turned_normals(np.array([[0.6, 0.0, 0.8]]), flat), [[0, 0, 1]])
+
+
 def test_normals_turn_by_cofactors():
     squash = np.diag([2.0, 1.0, 1.0, 1.0])[None]
-    normal = transformed_normals(np.array([[1.0, 1.0, 0.0]]), squash)
+    normal = turned_normals(np.array([[1.0, 1.0, 0.0]]), normal_matrices(squash))
     np.testing.assert_allclose(normal, [np.array([1, 2, 0]) / np.sqrt(5)])
 
 
@@ -180,32 +186,50 @@ def test_a_prim_without_points_moves_with_its_joint():
     np.testing.assert_allclose(scene.placements["/r/ball"].transforms[0, 3, :3], [101, 1, 0], atol=1e-6)
 
 
-@pytest.mark.parametrize("method", ["classicLinear", "dualQuaternion"])
-def test_both_methods_agree_with_usds_own_baking(method):
+BETWEEN = """uniform vector3f[] inbetweens:b = [(0, 1, 4), (0, 2, 4)] ( weight = 0.75 )
+    uniform vector3f[] inbetweens:b:normalOffsets = [(0, 1, 0), (0, 2, 0.5)]"""
+
+
+@pytest.mark.parametrize(
+    ("method", "scale"),
+    [
+        ("classicLinear", "1, 1, 1"),
+        ("classicLinear", "2, 1, 0.5"),
+        ("classicLinear", "-1, 1, 1"),
+        ("dualQuaternion", "1, 1, 1"),
+        ("dualQuaternion", "2, 1, 0.5"),
+    ],
+)
+def test_both_methods_agree_with_usds_own_baking(method, scale):
+    """Points and normals of two joints that share their points, after a blend shape and one in between."""
     from pxr import Gf, UsdGeom, UsdSkel
     from usd_stage import stage_of
 
     from warprender.usd import load
 
-    body = (RIG % f'uniform token primvars:skel:skinningMethod = "{method}"').replace(
-        """[0, 1, 1] ( interpolation = "vertex" )""",
-        """[0, 1, 0, 1, 1, 0] ( interpolation = "vertex"\n elementSize = 2 )""",
-    )
-    body = (
-        body.replace(
-            """[1, 1, 2] ( interpolation = "vertex" )""",
-            """[0.75, 0.25, 0.5, 0.5, 0.4, 0.6] ( interpolation = "vertex"\n elementSize = 2 )""",
-        )
-        .replace("quatf[] rotations =", "quatf[] rotations.timeSamples = { 1:")
-        .replace("70710678)]\n", "70710678)] }\n")
-    )
-    stage = stage_of(body)
-    points = load(stage, time=1).meshes["/r/m"].points
+    shape = SHAPES % BETWEEN + f'uniform token primvars:skel:skinningMethod = "{method}"'
+    sharing = {
+        "[0, 1, 1] (": "[0, 1, 0, 1, 1, 0] ( elementSize = 2\n",
+        "[1, 1, 2] (": "[0.75, 0.25, 0.5, 0.5, 0.4, 0.6] ( elementSize = 2\n",
+        "(1, 0, 0), (1, 0, 0), (1, 0, 0)]": '(1, 0, 0), (0, 1, 0), (0.6, 0, 0.8)] ( interpolation = "vertex" )',
+        "quatf[] rotations =": "quatf[] rotations.timeSamples = { 1:",
+        "70710678)]\n": "70710678)] }\n",
+        "half3[] scales = [(1, 1, 1)]": f"half3[] scales = [({scale})]",
+    }
+    text = RIG % shape
+    for old, new in sharing.items():
+        assert old in text
+        text = text.replace(old, new)
+    stage = stage_of(text)
+    scene = load(stage, time=1)
+    mesh = scene.meshes["/r/m"]
     UsdSkel.BakeSkinning(UsdSkel.Root(stage.GetPrimAtPath("/r")), Gf.Interval(1, 1))
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/r/m"))
-    baked = np.array(mesh.GetPointsAttr().Get(1.0), float)
+    baked = UsdGeom.Mesh(stage.GetPrimAtPath("/r/m"))
+    points, normals = (np.array(a.Get(1.0), float) for a in (baked.GetPointsAttr(), baked.GetNormalsAttr()))
+    assert not scene.warnings
     # Baked points are in the mesh's own space, which stands 77 above the skeleton's.
-    np.testing.assert_allclose(points, baked + (0, 0, 77), atol=1e-5)
+    np.testing.assert_allclose(mesh.points, points + (0, 0, 77), atol=1e-5)
+    np.testing.assert_allclose(mesh.normals.values, normals, atol=1e-5)
 
 
 def test_prototypes_may_contain_skinned_meshes():

@@ -49,6 +49,12 @@ def test_a_rational_quadratic_patch_is_an_exact_cylinder():
     assert not scene.warnings
 
 
+def test_a_trimmed_patch_is_drawn_whole_and_named():
+    scene = scene_of(QUARTER % "int[] trimCurve:counts = [1]")
+    assert scene.warnings == ["/n: its trim curves are not drawn"]
+    assert len(scene.meshes["/n"].triangles) == len(scene_of(QUARTER % "").meshes["/n"].triangles)
+
+
 def test_left_handed_patches_face_the_other_way():
     mesh = scene_of(QUARTER % 'uniform token orientation = "leftHanded"').meshes["/n"]
     assert (np.einsum("ij,ij->i", mesh.normals.values[:, :2], mesh.points[:, :2]) < 0).all()

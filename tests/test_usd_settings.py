@@ -268,6 +268,43 @@ def test_all_products_are_drawn_in_one_run(folder, capsys):
     ]
 
 
+def test_products_that_see_the_same_are_rendered_once(folder, monkeypatch):
+    text = (
+        PRODUCTS.replace("</crop>, </lidar>", "</data>, </crop>")
+        + """def RenderProduct "data"
+{
+    token productName = "data.exr"
+    rel orderedVars = [</far>, </normal>]
+}
+def RenderVar "normal" {}
+"""
+    )
+    (folder / "a.usda").write_text(text)
+    made, renderer = [], wr.Renderer
+    monkeypatch.setattr(wr, "Renderer", lambda *a, **k: made.append(k["outputs"]) or renderer(*a, **k))
+    assert main(["render", "a.usda", "--samples", "1"]) == 0
+    assert made == [("color", "cameraDepth", "normal"), ("color",)]
+    beauty, data = (images.read(f"{name}.exr")[0] for name in ("beauty", "data"))
+    assert set(beauty) == {"color", "cameraDepth"} and set(data) == {"cameraDepth", "normal"}
+    np.testing.assert_array_equal(beauty["cameraDepth"], data["cameraDepth"])
+    assert images.read("crop.png")[0]["color"].shape == (10, 20, 4)
+
+
+def test_products_are_drawn_from_python():
+    scene = scene_of(
+        SPHERE
+        + """def RenderSettings "r" { rel products = </p> }
+        def RenderProduct "p" { uniform int2 resolution = (8, 6)
+            rel camera = </d>
+            rel orderedVars = </far> }
+        def RenderVar "far" { uniform string sourceName = "cameraDepth" }"""
+    )
+    (found,) = scene.settings.products
+    frame = wr.render(scene.for_product(found), outputs=found.outputs)
+    assert list(frame.outputs) == ["cameraDepth"] and frame.resolution == (8, 6)
+    assert scene.settings.path == "/r"
+
+
 def test_an_exr_keeps_the_place_of_its_data_window(folder):
     (folder / "a.usda").write_text(PRODUCTS.replace("crop.png", "crop.exr"))
     assert main(["render", "a.usda", "--samples", "1"]) == 0

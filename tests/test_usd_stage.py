@@ -46,6 +46,17 @@ def test_senseless_metadata_is_a_warning(metadata):
     assert len(scene.warnings) == 1
 
 
+def test_a_unit_that_a_crate_file_holds_as_a_float_is_read(monkeypatch):
+    """USD's own getter raises on it; Python cannot write such a file."""
+
+    def refuse(_):
+        raise RuntimeError("Requested type double for metersPerUnit, found float")
+
+    monkeypatch.setattr("warprender.usd.stage.UsdGeom.GetStageMetersPerUnit", refuse)
+    scene = scene_of("", "metersPerUnit = 0.125")
+    assert scene.meters_per_unit == 0.125 and not scene.warnings
+
+
 def test_a_session_layer_wins(tmp_path):
     session = tmp_path / "session.usda"
     session.write_text('#usda 1.0\nover "s" {\n double radius = 7\n}\n')
@@ -74,7 +85,7 @@ def test_a_missing_reference_is_one_short_warning(tmp_path):
         ("GenerativeProcedural", "GenerativeProcedural is not drawn: nothing here generates"),
         ("HoudiniThing", "its type HoudiniThing is not known to USD here"),
         ("PluginLight", "PluginLight is not drawn yet"),
-        ("PortalLight", "a portal only guides the sampling of domes"),
+        ("PortalLight", "no dome names it in its portals"),
         ("Sphere", None),
         ("Scope", None),
         ("SkelRoot", None),

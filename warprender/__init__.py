@@ -119,6 +119,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
+    if name == "testing":
+        return import_module(".testing", __name__)
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f".{_HOMES[name]}", __name__), name)

@@ -9,6 +9,8 @@ import warp as wp
 
 from .launch import launch
 
+#: Poses that are worth another thread.
+_CHUNK = 8192
 #: What is moved: everything at or under a prim path, or one copy of a prim that is drawn many times.
 Name = str | tuple[str, int]
 
@@ -46,7 +48,7 @@ class Bodies:
         """Keep poses (N,) of `wp.transformf` or `wp.transformd` for the bodies with these numbers (N,)."""
         self._make_room(poses.device)
         kernel = _store_single if poses.dtype == wp.transformf else _store_double
-        launch(kernel, len(ids), [ids, poses, self.poses, self.posed], poses.device)
+        launch(kernel, len(ids), [ids, poses, self.poses, self.posed], poses.device, smallest_chunk=_CHUNK)
         self.steps += 1
 
     def on(self, device: str | wp.Device) -> tuple[wp.array, wp.array]:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .emitters import lit
-from .scene import Placement, Scene
+from .materials import Dielectric
+from .scene import Placement, Scene, materials_of
 from .shapes import Mesh
 from .visibility.trees import CLEAN_RANGE
 
@@ -48,6 +49,7 @@ def check(scene: Scene) -> list[Finding]:
             seen.add(id(placement.shape))
             findings += _mesh_findings(path, placement.shape)
         findings += _transform_findings(path, placement)
+        findings += _glass_findings(scene, path, placement)
     emitting = lit(scene, False)
     for path in scene.lights:
         if path not in emitting:
@@ -111,6 +113,33 @@ def _mesh_findings(path: str, mesh: Mesh) -> Iterator[Finding]:
         yield Finding(path, f"{copies} triangles lie on others", "the one with the smaller number is seen")
     used = points[np.unique(triangles)] if len(triangles) else points[:0]
     yield from _range_findings(path, used[np.isfinite(used).all(1)].astype(np.float64))
+
+
+def _glass_findings(scene: Scene, path: str, placement: Placement) -> Iterator[Finding]:
+    """What keeps a mesh from enclosing the glass that its material says it does."""
+    looks = [scene.materials[key] for key in materials_of(placement)]
+    if not isinstance(placement.shape, Mesh) or not any(isinstance(m, Dielectric) and m.thinWalled == 0 for m in looks):
+        return
+    points, triangles = placement.shape.host_points(), placement.shape.triangles
+    _, same = np.unique(points, axis=0, return_inverse=True)
+    corners = same.reshape(-1)[triangles]
+    corners = corners[(corners != np.roll(corners, 1, 1)).all(1)]
+    edges = np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)]).astype(np.int64)
+    # Each edge of a closed, oriented mesh is walked as often one way as the other.
+    there, back = (edges[:, [k, 1 - k]] @ (len(points), 1) for k in (0, 1))
+    either, counts = np.unique(np.minimum(there, back), return_inverse=True)
+    balance = np.bincount(counts, np.where(there < back, 1, -1), len(either))
+    if (balance != 0).any():
+        what = f"{np.count_nonzero(balance)} edges do not close the mesh of a Dielectric"
+        yield Finding(path, what, "light may enter it and not leave: close it, or set thinWalled")
+    elif _signed_volume(points[triangles].astype(np.float64)) < 0:
+        yield Finding(path, "the faces of a Dielectric look inwards", "it is a bubble in glass without an end")
+
+
+def _signed_volume(corners: np.ndarray) -> float:
+    """Volume within closed triangles (T, 3, 3), negative where they look inwards."""
+    a, b, c = (corners - corners.mean((0, 1))).transpose(1, 0, 2)
+    return float((a * np.cross(b, c)).sum() / 6)
 
 
 def _range_findings(path: str, points: np.ndarray) -> Iterator[Finding]:

@@ -11,10 +11,13 @@ import numpy as np
 import warp as wp
 
 from .launch import launch
+from .outputs import FILM_OUTPUTS
 from .sampling import REPLICATES
 
 #: Straight pieces of the tables that turn uniform numbers into filter offsets; the tails of a Gaussian need many.
 _TABLE = 2048
+#: Luminance from which on a pixel is lit.
+LIT = 1e-3
 
 
 @wp.struct
@@ -108,20 +111,63 @@ class Film:
             variance = np.maximum(squares - sums * sums / n, 0.0) / (n - 1.0)
             return np.where(n > 1, np.sqrt(variance / n), np.inf)
 
+    def output(self, name: str, exposure: float) -> wp.array:
+        """One of `FILM_OUTPUTS`, (H, W): samples kept, `standard_error` times exposure, or rays of all kinds."""
+        if name == "sampleCount":
+            return wp.clone(self.record.samples)
+        if name == "rayCount":
+            values = self.record.rays.numpy().sum(-1, dtype=np.int32)
+        else:
+            values = (self.standard_error() * exposure).astype(np.float32)
+        return wp.array(values, dtype=FILM_OUTPUTS[name], device=self.device)
+
     def relative_error(self) -> float:
         """Relative RMS standard error of the frame's luminance over lit pixels, those above 1e-3; inf below 4 samples.
 
-        From the spread of the replicates: three degrees of freedom a pixel, pooled over the frame.
+        From the spread of the replicates: three degrees of freedom a pixel, pooled over the frame. Variance over
+        squared mean is too small on average, because pixels that missed bright samples have both too low: the
+        jackknife over the replicates takes that bias off to first order (Quenouille 1956).
         """
-        n = self.record.samples.numpy().astype(np.float64)[..., None]
-        count = np.floor((n + REPLICATES - 1 - np.arange(REPLICATES)) / REPLICATES)
+        sums, count = self._replicates()
         if (count < 1).any():
             return np.inf
-        means = self.record.replicates.numpy() / count
-        mean = self.record.replicates.numpy().sum(-1, keepdims=True) / n
-        variance = (count / n * (means - mean) ** 2).sum(-1) / (REPLICATES - 1)
-        lit = mean[..., 0] > 1e-3
-        return float(np.sqrt(np.mean(variance[lit] / mean[lit, 0] ** 2))) if lit.any() else 0.0
+        mean = sums.sum(-1) / count.sum(-1)
+        lit = mean > LIT
+        if not lit.any():
+            return 0.0
+        sums, count, mean = sums[lit], count[lit], mean[lit]
+        whole = _relative_variance(sums, count)
+        others = [[i for i in range(REPLICATES) if i != left_out] for left_out in range(REPLICATES)]
+        parts = [_relative_variance(sums[:, kept], count[:, kept]) for kept in others]
+        # A part without light says nothing of the pixel.
+        sound = np.isfinite(parts).all(0)
+        corrected = REPLICATES * whole - (REPLICATES - 1) * np.mean(parts, axis=0)
+        squared = np.mean(np.where(sound, corrected, whole))
+        return float(np.sqrt(squared if squared > 0.0 else np.mean(whole)))
+
+    def frame_error(self) -> float:
+        """RMS standard error of luminance over lit pixels, over the RMS of their luminance; inf below 4 samples.
+
+        The same as `relative_error` for a picture of one brightness. Elsewhere bright pixels count for more, and
+        single pixels that are nearly black for nothing: it is the steadier figure.
+        """
+        sums, count = self._replicates()
+        if (count < 1).any():
+            return np.inf
+        mean = sums.sum(-1) / count.sum(-1)
+        lit = mean > LIT
+        if not lit.any():
+            return 0.0
+        squares = mean[lit] ** 2
+        variance = (_relative_variance(sums[lit], count[lit]) * squares).sum()
+        # The square of a noisy mean is too large by its variance; half of it is left where there is little else.
+        return float(np.sqrt(variance / max(squares.sum() - variance, squares.sum() / 2)))
+
+    def _replicates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of luminance and samples of each replicate, (H, W, 4) float64."""
+        n = self.record.samples.numpy().astype(np.float64)[..., None]
+        count = np.floor((n + REPLICATES - 1 - np.arange(REPLICATES)) / REPLICATES)
+        return self.record.replicates.numpy(), count
 
     def ray_counts(self) -> dict[str, int]:
         """Rays traced so far, by kind."""
@@ -131,6 +177,19 @@ class Film:
     def dropped_samples(self) -> int:
         """Samples that were not finite and are in no pixel."""
         return int(self.record.dropped.numpy().sum(dtype=np.int64))
+
+
+def _relative_variance(sums: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Variance of a pixel's mean of four replicates over that mean squared, from these (N, R); inf for unlit ones.
+
+    With fewer than four it is that of a pixel of as many samples each.
+    """
+    total, n = sums.sum(-1), count.sum(-1)
+    mean = total / n
+    variance = (count / n[:, None] * (sums / count - mean[:, None]) ** 2).sum(-1) / (sums.shape[-1] - 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = variance * (sums.shape[-1] / REPLICATES) / mean**2
+    return np.where(mean > LIT / 4, relative, np.inf)
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, ItemsView, Iterator, ValuesView
+from collections.abc import Callable, ItemsView, Iterable, Iterator, ValuesView
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +80,8 @@ class Frame:
             `warprender.outputs.OUTPUTS` says; a vector array becomes (H, W, C) in other libraries.
         stats: what the render took: "seconds" by stage, "samples" a pixel, "interrupted", "plan", "warnings";
             with color also "rays" by kind, "error" (relative RMS standard error of luminance; inf below 4
-            samples) and "dropped samples" (those that were not finite).
+            samples), "frame error" (RMS standard error over RMS luminance) and "dropped samples" (those that were
+            not finite).
         data_window: where the pixels lie in the picture that the render settings describe, None for all of it. EXR
             keeps it as data and display window.
     """
@@ -124,6 +125,11 @@ class Frame:
         height, width = next(iter(self.outputs.values())).shape[:2]
         return width, height
 
+    def chosen(self, names: Iterable[str]) -> Frame:
+        """The same frame with no other outputs than these, as far as it has them; arrays are shared."""
+        found = {name: self.outputs[name] for name in names if name in self.outputs}
+        return Frame(found, self.stats, self.receipt, self.data_window)
+
     def numpy(self, name: str) -> np.ndarray:
         """The output `name` on the host, (H, W) or (H, W, C); on the CPU it shares the array's memory.
 
@@ -147,13 +153,12 @@ class Frame:
             ValueError: the file cannot be written; the message names it and says why.
         """
         layers = {name: self.numpy(name) for name in self.outputs}
+        receipt = {**self.receipt, "file": {"color_correction": color_correction, "half": half}}
         window = self.data_window
         display = (window.x, window.y, *window.full) if window is not None else None
-        images.write(path, layers, self._metadata(), color_correction, half, display)
-
-    def _metadata(self) -> dict[str, str]:
         # ASCII JSON: a PNG text chunk is Latin-1.
-        return {"Software": "warprender", "warprender": json.dumps(self.receipt, sort_keys=True)}
+        metadata = {"Software": "warprender", "warprender": json.dumps(receipt, sort_keys=True)}
+        images.write(path, layers, metadata, color_correction, half, display)
 
     def _repr_png_(self) -> bytes | None:
         """The colour as PNG bytes, which is how a notebook shows a frame."""

@@ -15,7 +15,7 @@ from .launch import launch
 from .materials import Material
 from .materials.brdf_table import MERL_CELLS, MISSING, BrdfTable, directions
 from .materials.dispatch import material_functions
-from .records import EVENT_DELTA, EVENT_PASS, DeviceScene, Surface
+from .records import EVENT_ABSORB, EVENT_DELTA, EVENT_PASS, DeviceScene, Surface
 from .sampling import DIMENSION_BSDF, DIMENSION_LOBE, random_pair, sample_stream
 from .scene import Scene, SceneError, materials_of
 from .upload import Upload
@@ -42,7 +42,7 @@ def measure_brdf(
 
     Returns:
         Values in 1/sr; cells whose centre lies below the horizon are marked missing. Mirror reflection and light that
-        goes straight through have no BRDF: `remarks` says where they are left out.
+        goes through have no BRDF: `remarks` says where they are left out.
 
     Raises:
         SceneError: an input of the material varies, or a number of cells is below 1.
@@ -76,7 +76,7 @@ def _left_out(events: set[int]) -> tuple[str, ...]:
     if int(EVENT_DELTA) in events:
         remarks.append("a lobe is a perfect mirror, which no table can hold; it is left out")
     if int(EVENT_PASS) in events:
-        remarks.append("light that goes straight through is no reflection; it is left out")
+        remarks.append("light that goes through is no reflection; it is left out")
     return tuple(remarks)
 
 
@@ -84,7 +84,8 @@ def _left_out(events: set[int]) -> tuple[str, ...]:
 def measure_kernel(material: str, features: tuple[str, ...]) -> wp.Kernel:
     """The kernel for a kind of `MATERIALS`: item i is the pair of directions number i.
 
-    It writes the BRDF and the event of one sampled direction: mirrors and holes show themselves there alone.
+    It writes the BRDF and the event of one sampled direction, EVENT_PASS for any that leaves on the other side: mirrors
+    and holes show themselves there alone.
     """
     prepare, evaluate, sample = material_functions((material,), features)
 
@@ -110,7 +111,9 @@ def measure_kernel(material: str, features: tuple[str, ...]) -> wp.Kernel:
         found[i] = (value.diffuse + value.specular) / wi[i][2]
         stream = sample_stream(wp.uint32(0), i, 0, 0)
         lobe = random_pair(stream, 0, DIMENSION_LOBE)[0]
-        events[i] = sample(scene, bsdf, wo[i], random_pair(stream, 0, DIMENSION_BSDF), lobe).event
+        sampled = sample(scene, bsdf, wo[i], random_pair(stream, 0, DIMENSION_BSDF), lobe)
+        through = sampled.event != EVENT_ABSORB and sampled.direction[2] < 0.0
+        events[i] = wp.where(through, EVENT_PASS, sampled.event)
 
     return measure
 

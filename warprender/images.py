@@ -38,7 +38,7 @@ COLOR_CORRECTIONS = ("sRGB", "disabled", "openColorIO")
 REC709_NAMES = ("lin_rec709_scene", "lin_rec709", "Linear Rec.709 (sRGB)")
 
 _HALF_MAX = 65504.0
-_COLOR_LAYERS = ("color", "albedo")
+_COLOR_LAYERS = ("color", "albedo", "standardError")
 
 
 def check_destination(path: str | Path) -> None:
@@ -400,7 +400,7 @@ def _unstack(channels: tuple[str, ...], pixels: np.ndarray) -> dict[str, np.ndar
         members.setdefault(layer or "color", []).append((letter, index))
     layers = {}
     for layer, found in members.items():
-        order = [index for _, index in sorted(found, key=lambda c: "RGBAXYZ".find(c[0]))]
+        order = [index for _, index in sorted(found, key=lambda c: "XYZRGBA".find(c[0]))]
         layers[layer] = pixels[..., order] if len(order) > 1 else pixels[..., order[0]]
     return layers
 

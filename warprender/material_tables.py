@@ -111,7 +111,7 @@ class MaterialTables:
 
     def _brdf(self, owner: str, table: BrdfTable) -> int:
         """Number of a measured BRDF; what is to be said of its data is said for each material."""
-        self.warnings += [f"{owner}: {table.name}: {warning}" for warning in table.warnings]
+        self.warnings += [f"{owner}: {warning}" for warning in table.warnings]
         if table not in self.brdfs:
             self.brdfs.append(table)
         return self.brdfs.index(table)

@@ -5,7 +5,7 @@ A new AOV is a field of `OutputBuffers`, a function that writes it, and a line i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import warp as wp
@@ -156,6 +156,20 @@ OUTPUTS: dict[str, Output] = {
     "instanceId": Output(wp.int32, -1, write_instance_id),
     "elementId": Output(wp.int32, -1, write_element_id),
 }
+
+
+#: What the samples of a pixel tell of themselves, by name, with Warp type: for study. `Film.output` makes them.
+FILM_OUTPUTS: dict[str, type] = {"sampleCount": wp.int32, "standardError": wp.vec3, "rayCount": wp.int32}
+
+
+def of_samples(names: Iterable[str]) -> bool:
+    """Whether any of the outputs is made of samples: color, or one of `FILM_OUTPUTS`."""
+    return any(name == "color" or name in FILM_OUTPUTS for name in names)
+
+
+def of_first_hits(names: Iterable[str]) -> tuple[str, ...]:
+    """Those of the outputs that are AOVs, what a pixel's centre sees; each once, sorted."""
+    return tuple(sorted(set(names) & set(OUTPUTS)))
 
 
 def cleared_outputs(names: Sequence[str], width: int, height: int, device: str) -> dict[str, wp.array]:

@@ -13,12 +13,13 @@ import numpy as np
 import warp as wp
 
 from .camera import Camera
+from .denoise import GUIDES
 from .emitters import lit
 from .lights import Light
 from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS, TRANSMITTING, DisplayColor
 from .materials.inputs import FEATURES, NORMAL
-from .outputs import OUTPUTS
+from .outputs import FILM_OUTPUTS, OUTPUTS, of_first_hits, of_samples
 from .scene import Placement, Scene, SceneError, materials_of
 from .shapes import SHAPES, Mesh, Primvar, Sdf
 from .textures import Texture
@@ -87,6 +88,7 @@ class Request:
     filter: str = "box"
     sampler: str = "sobol"
     texture_bytes: int = 0
+    denoise: bool = False
 
 
 @dataclass
@@ -171,7 +173,7 @@ def analyse(
     _check(request)
     transport = request.transport
     if transport == "auto":
-        transport = "path" if "color" in request.outputs else "none"
+        transport = "path" if of_samples(request.outputs) else "none"
     visibility, why = _visibility(scene, camera, request, pixels)
     plan = RenderPlan(transport, visibility, None, None, {f"visibility {visibility}": why})
     shapes = _effects(plan, "shape", {s.__name__ for s in SHAPES}, _shape_callers(scene), "a prim of this kind")
@@ -186,13 +188,15 @@ def analyse(
     planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
     _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
     sdfs = _distance_functions(scene)
-    aovs = tuple(sorted(set(request.outputs) - {"color"}))
+    guides = GUIDES if request.denoise else ()
+    _note(plan, "denoising", "asked for" if guides else "", "--denoise")
+    aovs = of_first_hits((*request.outputs, *guides))
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
     if aovs:
         pinhole = tuple(e for e in effects if e != "lens")
         plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features, sdfs)
-    if transport == "path" and "color" in request.outputs:
+    if transport == "path" and of_samples(request.outputs):
         lights = lit(scene, camera_light)
         kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
@@ -220,7 +224,7 @@ def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> 
         raise SceneError(f"visibility {request.visibility!r}: {only_rays}, which only rays can follow")
     if request.visibility != "auto":
         return request.visibility, "asked for"
-    if only_rays or not set(request.outputs) - {"color"}:
+    if only_rays or not of_first_hits(request.outputs):
         return "rays", only_rays or "color is made of rays"
     if sdf:
         return "rays", f"{sdf} is a signed distance function"
@@ -263,8 +267,8 @@ def everything() -> PathKey:
 def check_outputs(names: tuple[str, ...]) -> None:
     """Raise a SceneError at the first name that is no output."""
     for name in names:
-        if name not in OUTPUTS and name != "color":
-            raise SceneError(f"output {name!r} is not one of color, {', '.join(OUTPUTS)}")
+        if name not in OUTPUTS and name not in FILM_OUTPUTS and name != "color":
+            raise SceneError(f"output {name!r} is not one of color, {', '.join((*OUTPUTS, *FILM_OUTPUTS))}")
 
 
 def _check(request: Request) -> None:
@@ -273,10 +277,13 @@ def _check(request: Request) -> None:
     check_outputs(request.outputs)
     if request.transport not in (*TRANSPORTS, "auto"):
         raise SceneError(f"transport {request.transport!r} is not one of auto, {', '.join(TRANSPORTS)}")
-    if request.transport == "none" and "color" in request.outputs:
-        raise SceneError("transport 'none' gives no color: ask for other outputs alone, or for transport 'path'")
+    if request.transport == "none" and of_samples(request.outputs):
+        name = next(name for name in request.outputs if of_samples([name]))
+        raise SceneError(f"transport 'none' gives no {name}: ask for other outputs alone, or for transport 'path'")
     if request.visibility not in (*VISIBILITIES, "auto"):
         raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
+    if request.denoise and "color" not in request.outputs:
+        raise SceneError("denoising is of color, which is not among the outputs")
     if request.bounces is not None and request.bounces < 0:
         raise SceneError(f"bounces must be 0 or more, not {request.bounces}")
 

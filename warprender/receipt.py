@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .camera import Camera
 from .plan import RenderPlan, Request
-from .scene import Scene
+from .scene import RenderProduct, Scene
 
 _PACKAGES = ("warprender", "warp-lang", "numpy", "usd-core", "OpenImageIO")
 
@@ -29,7 +29,10 @@ def make_receipt(
     """Plain values, ready for JSON. Bits are promised per machine, so the machine is named."""
     return {
         "stage": scene.source,
-        "stageHash": stage_hash(scene.source),
+        "stageHash": file_hash(scene.source),
+        "layerHashes": {path: file_hash(path) for path in scene.layers},
+        "loading": scene.loading,
+        "product": scene.settings.productName if isinstance(scene.settings, RenderProduct) else None,
         "resolution": list(resolution),
         "samples": samples,
         "seed": seed,
@@ -38,12 +41,12 @@ def make_receipt(
         "plan": plan.as_dict(),
         "device": device,
         "machine": platform.machine(),
-        "versions": _versions(),
+        "versions": versions(),
     }
 
 
-def stage_hash(source: str) -> str:
-    """SHA-256 of the stage's root file, "" for a scene that was built in Python."""
+def file_hash(source: str) -> str:
+    """SHA-256 of a file, "" where there is none, as for a scene that was built in Python."""
     path = Path(source)
     if not source or not path.is_file():
         return ""
@@ -58,7 +61,8 @@ def _file_hash(path: Path, modified: int, size: int) -> str:
 
 
 @cache
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Of the packages that pictures depend on."""
     return {name: _version(name) for name in _PACKAGES}
 
 

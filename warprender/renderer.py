@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,6 +13,7 @@ import warp as wp
 
 from .attaching import posed_transforms
 from .camera import Camera
+from .denoise import GUIDES, MISSING, available, denoised
 from .films import Films
 from .frame import Frame, Stats
 from .framing import camera_at, choose_camera, choose_camera_path, choose_data_window, choose_resolution
@@ -20,7 +22,7 @@ from .integrators.path import radiance_function
 from .integrators.samples import PathRequest, launch_samples
 from .launch import thread_count
 from .live import LiveScene
-from .outputs import OutputBuffers, cleared_outputs
+from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs
 from .plan import RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError, pose_matrix
@@ -34,6 +36,10 @@ FEWEST_FOR_ERROR = 16
 SAMPLERS = ("sobol", "independent")
 #: A pass is short enough to report progress and to stop in time.
 _PASS_SECONDS = 0.25
+#: Samples between two looks at the error: it falls by 5 % at most meanwhile, and looking takes time too.
+_CHECK_FACTOR = 1.1
+#: Share of the time limit that is not worth another launch.
+_SPARE_SHARE = 0.005
 
 Progress = Callable[[float, Callable[[], Frame]], None]
 
@@ -48,7 +54,8 @@ class Renderer:
         camera: a `Camera`, a camera's prim path or name, or None for usdrecord's choice: the render settings'
             camera, else one named main_cam, else one that frames everything.
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
-        outputs: a name, or several: "color" and the AOVs of `warprender.outputs.OUTPUTS`.
+        outputs: a name, or several: "color", the AOVs of `warprender.outputs.OUTPUTS`, and for study "sampleCount",
+            "standardError" and "rayCount".
         visibility: how outputs other than color see: "rays", "raster" (exact edges and a depth buffer), "painter"
             (triangles back to front, as it was done before depth buffers), or "auto": what should take less time.
         transport: "path" (path tracing), "none" (no color, AOVs alone), or "auto": "none" without color.
@@ -64,6 +71,8 @@ class Renderer:
         energy_compensation: give back what specular lobes lose between their facets; UsdPreviewSurface does not.
         texture_bytes: most memory for pictures, 2 GiB unless asked otherwise; beyond it the largest are halved, with
             a warning. `frame.stats["texture bytes"]` is what they take.
+        denoise: let Open Image Denoise go over color, guided by albedo and normal. Needs the package pyoidn. The
+            picture is biased then, and the stated error is that of the picture before.
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
@@ -94,6 +103,7 @@ class Renderer:
         sampler: str = "sobol",
         energy_compensation: bool = False,
         texture_bytes: int = TEXTURE_BYTES,
+        denoise: bool = False,
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -118,7 +128,10 @@ class Renderer:
             filter,
             sampler,
             texture_bytes,
+            denoise,
         )
+        if denoise and not available():
+            raise SceneError(MISSING)
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
         self._with_camera_light = use_camera_light(scene, camera_light)
@@ -137,7 +150,7 @@ class Renderer:
 
     def render(
         self,
-        samples: int | None = None,
+        samples: float | None = None,
         error: float | None = None,
         seconds: float | None = None,
         seed: int = 0,
@@ -148,9 +161,11 @@ class Renderer:
         The first call compiles the kernels that the plan names, unless Warp's kernel cache has them.
 
         Args:
-            samples: a pixel; 64 when no limit is given.
+            samples: a pixel; 64 when no limit is given. What is beyond a whole number is the share of the pixels, from
+                the top, that get one more.
             error: relative RMS standard error of the frame over lit pixels (mean above 1e-3), as 0.01.
-            seconds: wall-clock time for colour samples; at least one sample is taken, compiling counts.
+            seconds: wall-clock time for colour samples after compiling; at least one sample is taken. The last one may
+                reach a part of the pixels alone, from the top: then `stats["samples"]` is no whole number.
             seed: another seed gives an independent picture; the same one gives the same bits on one machine.
             progress: called between passes with the share done, 0 to 1, and a function that returns the frame
                 so far.
@@ -297,25 +312,36 @@ class Renderer:
         seed: int,
         progress: Progress | None,
         values: dict[str, wp.array],
-    ) -> tuple[int, bool]:
+    ) -> tuple[float, bool]:
         """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
         self._films.turn()
         request = self._path_request(seed)
         limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
-        taken, batch, start = 0, 1, time.perf_counter()
+        pixels = self.resolution[0] * self.resolution[1]
+        if seconds is not None:
+            # Compiling and loading come before the clock starts.
+            self._pass(request, 0, 0)
+        taken, batch, start, next_check = 0, 1, time.perf_counter(), FEWEST_FOR_ERROR
         try:
             while taken < limit:
+                begin = time.perf_counter()
+                # Below 1: one more sample for a part of the pixels.
                 batch = min(batch, limit - taken)
-                self._pass(request, taken, batch)
+                batch = int(batch) if batch >= 1 else batch
+                self._pass(request, int(taken), max(int(batch), 1), round(pixels * min(batch, 1)))
                 taken += batch
-                elapsed = time.perf_counter() - start
-                if seconds is not None and elapsed >= seconds:
+                now = time.perf_counter()
+                elapsed, per_sample = now - start, (now - begin) / batch
+                left = math.inf if seconds is None else seconds - elapsed
+                if batch < 1 or left <= _SPARE_SHARE * elapsed:
                     break
-                if error is not None and taken >= FEWEST_FOR_ERROR and self._films.last.relative_error() <= error:
-                    break
-                per_sample = elapsed / taken
-                horizon = _PASS_SECONDS if seconds is None else min(_PASS_SECONDS, seconds - elapsed)
-                batch = max(1, min(2 * batch, int(horizon / per_sample)))
+                if error is not None and taken >= next_check:
+                    if self._films.last.relative_error() <= error:
+                        break
+                    next_check = math.ceil(_CHECK_FACTOR * taken)
+                batch = max(1, min(2 * batch, int(min(_PASS_SECONDS, left) / per_sample)))
+                if left < per_sample:
+                    batch = max(1, round(pixels * left / per_sample)) / pixels
                 if progress is not None:
                     share = max(taken / limit, elapsed / seconds if seconds else 0.0)
                     progress(share, lambda n=taken: self._frame(values, n, seed, True, settled=True))
@@ -332,13 +358,20 @@ class Renderer:
         request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
 
-    def _pass(self, request: PathRequest, first_sample: int, samples: int) -> None:
+    def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
+        """Add samples to the first `pixels`, None for all."""
         request.first_sample, request.samples = first_sample, samples
         scene, camera, film = self._live.record, self._camera_record, self._films.last.record
         key = self.plan.path
         radiance = radiance_function(key)
-        launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads)
+        launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads, pixels)
         wp.synchronize_device(self.device)
+
+    def _denoised(self, outputs: dict[str, wp.array]) -> wp.array:
+        start = time.perf_counter()
+        color = denoised(*(outputs[name].numpy() for name in ("color", *GUIDES)))
+        self._seconds["denoise"] = time.perf_counter() - start
+        return wp.array(color, dtype=wp.vec4, device=self.device)
 
     def _frame(
         self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool, settled: bool = False
@@ -347,10 +380,14 @@ class Renderer:
         outputs, plan, camera = dict(values), self.plan, replace(self.camera)
         stats = Stats(seconds=dict(self._seconds), samples=samples, interrupted=interrupted)
         if plan.path is not None:
-            film = self._films.last
-            outputs["color"] = film.color(camera.exposureScale, self.threads)
+            film, exposure = self._films.last, camera.exposureScale
+            outputs["color"] = film.color(exposure, self.threads)
+            if self.request.denoise:
+                outputs["color"] = self._denoised(outputs)
+                stats["denoised"], stats["seconds"] = True, dict(self._seconds)
+            outputs |= {n: film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
             stats["rays"], stats["error"] = film.ray_counts, film.relative_error
-            stats["dropped samples"] = film.dropped_samples
+            stats["frame error"], stats["dropped samples"] = film.frame_error, film.dropped_samples
             self._films.describe(stats)
         stats["texture bytes"] = self._live.upload.texture_bytes
         stats["plan"] = plan.as_dict

@@ -127,6 +127,8 @@ class Scene:
         up_axis: "Y" or "Z".
         meters_per_unit: scene units in metres; lights are not scaled by it.
         source: file that the scene was read from, "" for one built in Python.
+        loading: how it was read: arguments of `load` as plain values, for the receipt; empty when built in Python.
+        layers: the other layers that the stage is composed of, as paths.
         bounds: (2, 3) float64 world box of what is drawn, as the stage states it, or None.
         warnings: one line for each thing that the stage asks for and that is not drawn as asked.
         frames: path to the (4, 4) float64 local-to-world matrix, for row vectors, of prims that are not drawn
@@ -142,6 +144,8 @@ class Scene:
     up_axis: str = "Y"
     meters_per_unit: float = 0.01
     source: str = ""
+    loading: dict[str, object] = field(default_factory=dict)
+    layers: list[str] = field(default_factory=list)
     bounds: np.ndarray | None = None
     warnings: list[str] = field(default_factory=list)
     frames: dict[str, np.ndarray] = field(default_factory=dict)

@@ -16,6 +16,7 @@ from .texels import TEXTURE_BYTES
 from .upload_lights import LightUpload, Placed
 from .upload_shapes import Part, ShapeUpload
 from .visibility.world_tree import WorldTree
+from .watched import Watched
 
 
 class Upload:
@@ -52,6 +53,8 @@ class Upload:
         """
         self.device, self.origin = device, rounded_origin(origin)
         self._scene, self._kept = scene, []
+        self._written: list[int] = []
+        self._assignments = -1
         self._materials = {key: i for i, key in enumerate(scene.materials)}
         used = {key for placement in scene.placements.values() for key in materials_of(placement)}
         self._tables = None if before is None else before._tables.repacked(scene.materials, used)
@@ -75,7 +78,13 @@ class Upload:
         Raises:
             SceneError: a mesh's points are not the array that was uploaded.
         """
-        changed = {number for number, part in enumerate(self.parts) if part.refit()}
+        if self._assignments != Watched.assignments:
+            # Somebody may have been given the points of another mesh, or have replaced them.
+            self._written = [number for number, part in enumerate(self.parts) if part.may_be_written()]
+            self._assignments = Watched.assignments
+        changed = set(self._written)
+        for number in changed:
+            self.parts[number].refit()
         for number in changed:
             self._warn_of_new_gaps(self.parts[number])
         return changed

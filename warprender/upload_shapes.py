@@ -51,8 +51,8 @@ class Part:
         """Whether the shape is still what it was made from, but for the values of its points."""
         return same(self.contents, contents(self.shape, _POINTS))
 
-    def refit(self) -> bool:
-        """Follow points that may have been written; whether they may.
+    def may_be_written(self) -> bool:
+        """Whether somebody was given the points to write into them.
 
         Raises:
             SceneError: the mesh's points are another array by now.
@@ -64,12 +64,13 @@ class Part:
                 f"{self.path}: its points were replaced by another array; write into the one that was there, "
                 "or remove the prim and add it anew"
             )
-        if not self.shape.handed_out:
-            return False
+        return self.shape.handed_out
+
+    def refit(self) -> None:
+        """Follow the points as they are now."""
         if self.record.points is not self.source:
             wp.copy(self.record.points, self.source)
         self.tree.refit()
-        return True
 
 
 class ShapeUpload:

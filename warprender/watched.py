@@ -1,5 +1,7 @@
 """Noticing that a scene's description was changed, without comparing all of it for every frame."""
 
+from operator import is_
+
 
 class Watched:
     """Counts the assignments to attributes of all objects of derived classes."""
@@ -31,6 +33,8 @@ def contents(thing: object, but: tuple[str, ...] = ()) -> list[object]:
 
 def same(these: list[object], those: list[object]) -> bool:
     """Whether two rows of `contents` are of the same objects; equal numbers and bytes count as such."""
+    if these is those or (len(these) == len(those) and all(map(is_, these, those))):
+        return True
     plain = (bytes, int)
     return len(these) == len(those) and all(
         a is b or (a.__class__ in plain and a.__class__ is b.__class__ and a == b)

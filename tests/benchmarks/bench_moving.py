@@ -54,7 +54,7 @@ def moving_mesh():
     scene.add_mesh("/sheet", wp.array(points, dtype=wp.vec3), faces)
     renderer = wr.Renderer(scene, CAMERA, (32, 32), outputs="cameraDepth", visibility="rays")
     upload = renderer._live.upload
-    scene.meshes["/sheet"].points  # handed out: it may have been written
+    assert scene.meshes["/sheet"].points is not None  # handed out: it may have been written
     report(
         f"mesh, {len(points)} vertices",
         {

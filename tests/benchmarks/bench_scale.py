@@ -2,9 +2,9 @@
 
     python tests/benchmarks/bench_scale.py [--case instances|triangles] [--width 1280] [--samples 1]
 
-Each case writes its stage to a temporary folder, then reads and renders it in a process of its own: seconds to read
-the stage, to build (upload, trees) and to render, and the largest memory that the process had after each step. The
-kernels are compiled before by a small stage of the same kinds, which is not counted.
+Each case writes its stage to a temporary folder, then reads and renders it in a process of its own: CPU seconds (of
+all threads) and seconds to read the stage, to build (upload, trees) and to render, and the largest memory that the
+process had after each step. The kernels are compiled before by a small stage of the same kinds, which is not counted.
 """
 
 import argparse
@@ -66,6 +66,15 @@ def peak():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
+def step(name, work):
+    """Do the work and print what it took; returns its result."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    result = work()
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    print(f"| {name} | {cpu:.2f} | {wall:.2f} | {peak():.0f} |", flush=True)
+    return result
+
+
 def measure(path, small, width, samples, picture):
     """Read, build and render one stage; prints seconds and MiB of each step."""
     import warp as wp
@@ -75,17 +84,10 @@ def measure(path, small, width, samples, picture):
     wp.config.log_level = wp.LOG_WARNING
     size = (width, width * 9 // 16)
     wr.render(wr.load(small), (8, 8), samples=1)
-    steps, start = [("start", 0.0, peak())], time.perf_counter()
-    scene = wr.load(path)
-    steps.append(("read", time.perf_counter() - start, peak()))
-    start = time.perf_counter()
-    renderer = wr.Renderer(scene, resolution=size)
-    steps.append(("build", time.perf_counter() - start, peak()))
-    start = time.perf_counter()
-    frame = renderer.render(samples=samples)
-    steps.append((f"render, {size[0]}x{size[1]}, {samples} samples", time.perf_counter() - start, peak()))
-    for name, seconds, memory in steps:
-        print(f"| {name} | {seconds:.2f} | {memory:.0f} |")
+    print(f"| start | | | {peak():.0f} |")
+    scene = step("read", lambda: wr.load(path))
+    renderer = step("build", lambda: wr.Renderer(scene, resolution=size))
+    frame = step(f"render, {size[0]}x{size[1]}, {samples} samples", lambda: renderer.render(samples=samples))
     if picture:
         frame.save(picture)
 
@@ -109,7 +111,8 @@ def main():
             for stage, count in zip(stages, counts, strict=True):
                 write_stage(stage, case, count)
             triangles = 12 * SIDES[case] ** 2
-            print(f"\n{case}: {counts[0]:,} of {triangles:,} triangles\n\n| step | seconds | peak MiB |\n|---|---|---|")
+            print(f"\n{case}: {counts[0]:,} of {triangles:,} triangles\n")
+            print("| step | CPU seconds | seconds | peak MiB |\n|---|---|---|---|", flush=True)
             command = [sys.executable, __file__, "--case", case, "--measure", *stages]
             command += ["--width", str(args.width), "--samples", str(args.samples)]
             subprocess.run(command + (["--pictures", args.pictures] if args.pictures else []), check=True)

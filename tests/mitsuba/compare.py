@@ -5,11 +5,15 @@
     python tests/mitsuba/compare.py dome --mitsuba PYTHON > tests/mitsuba/dome.txt
     python tests/mitsuba/compare.py glass --samples 1024 --mitsuba PYTHON > tests/mitsuba/glass.txt
     python tests/mitsuba/compare.py rough --samples 1024 --mitsuba PYTHON > tests/mitsuba/rough.txt
+    python tests/mitsuba/compare.py plates --size 128 --samples 1024 --mitsuba PYTHON > tests/mitsuba/plates.txt
+    python tests/mitsuba/compare.py lamps --size 96 --times 4 --mitsuba PYTHON > tests/mitsuba/lamps.txt
 
 PYTHON is the interpreter of an environment with `pip install mitsuba`. Both renderers get the same triangles, which
-are read from warprender's own scene. Lambert surfaces and dielectrics only: the other materials of the two are not the
-same model. Nor are rough dielectrics quite: Mitsuba masks reflection by the product of both directions' Smith terms,
-warprender by the height-correlated one.
+are read from warprender's own scene. Surfaces are Lambert's, dielectrics or metals: a metal of UsdPreviewSurface
+reflects its colour at every angle, which is Mitsuba's rough conductor without a material. Of rough surfaces Mitsuba
+multiplies the Smith terms of both directions, warprender correlates them by height: for the metals the ratio is
+1 + Λi Λo / (1 + Λi + Λo), at most 1.0001 for the alphas and angles of `plates`; rough dielectrics are not quite the
+same model. The other materials of the two are not the same at all.
 """
 
 from __future__ import annotations
@@ -122,6 +126,79 @@ def surrounded(scene: wr.Scene) -> wr.Scene:
     return scene
 
 
+def lamp(scene: wr.Scene, name: str, place: tuple, radius: float, intensity: float, color: tuple = (1, 1, 1)) -> None:
+    """A sphere light; a black ball inside of it occludes, as the lights of Mitsuba do and those of UsdLux do not.
+
+    Smaller by more than the rounding of its place, and by too little for what passes beside it to be seen.
+    """
+    pose = (*place, 0, 0, 0, 1)
+    scene.add_light(wr.SphereLight(radius=radius, intensity=intensity, color=color), f"/{name}", pose=pose)
+    scene.add_sphere(f"/{name}_inside", radius * 0.999, color=(0, 0, 0), pose=pose)
+
+
+def plates() -> wr.Scene:
+    """Metals of four roughnesses that reflect sphere lights of four sizes, which are above the picture (Veach 1997)."""
+    scene = wr.Scene()
+    eye, row = np.array([0.0, 2.0, 9.0]), np.array([0.0, 2.2, -2.5])
+    for number, radius in enumerate((0.05, 0.15, 0.4, 0.8)):
+        color = [(1.0, 0.6, 0.5), (0.7, 1.0, 0.6), (0.6, 0.7, 1.0), (1.0, 0.9, 0.6)][number]
+        lamp(scene, f"lamp{number}", (1.3 * number - 1.95, *row[1:]), radius, 1.5 / radius, color)
+    for number, alpha in enumerate((0.005, 0.02, 0.05, 0.1)):
+        middle = np.array([0.0, -0.1 - 0.45 * number, -1.0 + 1.35 * number])
+        to_eye, to_row = eye - middle, row - middle
+        normal = to_eye / np.linalg.norm(to_eye) + to_row / np.linalg.norm(to_row)
+        normal /= np.linalg.norm(normal)
+        across = np.cross((1.0, 0, 0), normal)
+        side = np.array([4.0, 0, 0])
+        points = [middle - side + 0.5 * across, middle - side - 0.5 * across]
+        points = np.array([*points, middle + side - 0.5 * across, middle + side + 0.5 * across])
+        if np.dot(np.cross(points[1] - points[0], points[2] - points[0]), normal) < 0:
+            points = points[::-1]
+        metal = wr.PreviewSurface(diffuseColor=(0.9, 0.8, 0.6), metallic=1.0, roughness=alpha**0.5)
+        scene.add_mesh(f"/plate{number}", points, [[0, 1, 2, 3]], material=metal)
+    floor = np.array([(-9, -2.5, -4), (-9, -2.5, 9), (9, -2.5, 9), (9, -2.5, -4)])
+    scene.add_mesh("/floor", floor, [[0, 1, 2, 3]], color=(0.4, 0.4, 0.4))
+    wall = np.array([(-9, -2.5, -4), (9, -2.5, -4), (9, 6, -4), (-9, 6, -4)])
+    scene.add_mesh("/wall", wall, [[0, 1, 2, 3]], color=(0.3, 0.4, 0.5))
+    scene.add_camera("/camera", scenes.camera(tuple(eye), (0.0, -0.85, 0.0), fov=27.0))
+    scene.settings.camera = "/camera"
+    return scene
+
+
+def lamps() -> wr.Scene:
+    """Two hundred small lamps over a mesh and a floor, out of the picture.
+
+    Mitsuba chooses one of them at random: none is so near that only a few of its samples would find it.
+    """
+    scene = wr.Scene()
+    points, faces = scenes.icosphere(4)
+    pose = np.diag([1.5, 1.0, 1.5, 1.0])
+    pose[3, 1] = 1.0
+    scene.add_mesh("/ball", points, faces, normals=points, color=(0.7, 0.7, 0.7), pose=pose)
+    floor = np.array([(-5, 0, -5), (-5, 0, 5), (5, 0, 5), (5, 0, -5)])
+    scene.add_mesh("/floor", floor, [[0, 1, 2, 3]], color=(0.6, 0.6, 0.6))
+    rng = np.random.default_rng(8)
+    for number in range(200):
+        turn, height, away = rng.random() * 2 * np.pi, rng.uniform(1.5, 3.5), rng.uniform(2.6, 4.5)
+        place = (away * np.cos(turn), height, away * np.sin(turn))
+        lamp(scene, f"lamp{number}", place, 0.04, 40.0 * rng.random(), tuple(rng.uniform(0.3, 1.0, 3)))
+    scene.add_camera("/camera", scenes.camera((0.0, 1.45, 6.5), (0.0, -0.55, 0.0), fov=30.0))
+    scene.settings.camera = "/camera"
+    return scene
+
+
+#: What is compared, by name.
+SCENES = {
+    "cornell": cornell,
+    "lights": lights,
+    "dome": dome,
+    "glass": glass,
+    "rough": rough,
+    "plates": plates,
+    "lamps": lamps,
+}
+
+
 def rgb(value) -> dict:
     """A colour."""
     return {"type": "rgb", "value": [float(v) for v in value]}
@@ -145,7 +222,7 @@ def write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, normals: np
 
 
 def look(scene: wr.Scene, placement) -> dict:
-    """The Lambert colour or the dielectric of a placement."""
+    """The Lambert colour, the dielectric or the metal of a placement."""
     material = scene.materials[placement.material]
     if isinstance(material, wr.Dielectric):
         indices = {"int_ior": material.ior, "ext_ior": 1.0}
@@ -154,6 +231,11 @@ def look(scene: wr.Scene, placement) -> dict:
         if material.roughness > 0:
             return {"type": "roughdielectric", "distribution": "ggx", "alpha": material.roughness**2, **indices}
         return {"type": "dielectric", **indices}
+    if isinstance(material, wr.PreviewSurface):
+        if material.metallic != 1.0:
+            raise ValueError(f"{placement.path}: neither glass nor metal")
+        metal = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": material.roughness**2}
+        return {"type": "twosided", "bsdf": {**metal, "specular_reflectance": rgb(material.diffuseColor)}}
     color = placement.shape.primvars["displayColor"].values[0]
     return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb(color)}}
 
@@ -232,6 +314,7 @@ def main() -> None:
     parser.add_argument("--mitsuba", default=sys.executable, help="Python with Mitsuba")
     parser.add_argument("--size", type=int, default=256)
     parser.add_argument("--samples", type=int, default=256)
+    parser.add_argument("--times", type=int, default=1, help="samples of Mitsuba for one of warprender's")
     parser.add_argument("--keep", type=Path, help="folder for the pictures")
     options = parser.parse_args()
 
@@ -251,7 +334,7 @@ def main() -> None:
         for number, light in enumerate(scene.lights.values()):
             description[f"light{number}"] = emitter(folder, light)
         (folder / "scene.json").write_text(json.dumps(description))
-        command = [options.mitsuba, str(HERE / "reference.py"), str(folder), str(options.samples)]
+        command = [options.mitsuba, str(HERE / "reference.py"), str(folder), str(options.samples * options.times)]
         subprocess.run(command, check=True)
         reference = np.load(folder / "reference.npz")
         if options.keep:
@@ -262,7 +345,8 @@ def main() -> None:
 def report(options, ours, our_error, theirs, their_error) -> None:
     """The table: z = difference / its standard error, where either renderer saw any spread."""
     error = np.sqrt(our_error**2 + their_error**2)
-    print(f"{options.scene}, {options.size}x{options.size}, {options.samples} samples a pixel; box filter of one pixel")
+    samples = f"{options.samples} samples a pixel" + f", Mitsuba {options.times} times as many" * (options.times > 1)
+    print(f"{options.scene}, {options.size}x{options.size}, {samples}; box filter of one pixel")
     print("channel  warprender   Mitsuba      ratio    ±        z mean   z std   |z|>3    max |z|")
     for c, name in enumerate("RGB"):
         lit = error[..., c] > 1e-6 * np.maximum(theirs[..., c], 1e-6)

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from .. import __version__
-from . import check, measure, plan, render
+from . import check, compare, measure, plan, render, reproduce, study
 from .report import error, interrupted
 
 #: The commands, in the order of the help. Adding one is one file and one entry.
-COMMANDS = (render, plan, check, measure)
+COMMANDS = (render, plan, check, compare, reproduce, study, measure)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,6 +36,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line; subcommands inherit it."""
+
+    def parse_known_args(
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Find an OUTPUT that comes after flags too: argparse takes one that may be left out as left out by then."""
+        found, rest = super().parse_known_args(args, namespace)
+        if getattr(found, "output", "") is None and rest and not rest[0].startswith("-"):
+            found.output = rest.pop(0)
+        return found, rest
 
     def error(self, message: str) -> NoReturn:
         """Leave with code 2, without the page of usage that would push the message out of sight."""

@@ -177,6 +177,11 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
         help="give back the light that rough specular lobes lose, which UsdPreviewSurface does not",
     )
     group.add_argument(
+        "--denoise",
+        action="store_true",
+        help="let Open Image Denoise go over color: less noise, some bias; needs the package pyoidn",
+    )
+    group.add_argument(
         "--seed", type=count, default=0, metavar="NUMBER", help="another gives an independent picture (default: 0)"
     )
 
@@ -250,4 +255,15 @@ def positive_float(text: str) -> float:
         value = 0.0
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return value
+
+
+def share(text: str) -> float:
+    """A number from 0 on."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not value >= 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 on")
     return value

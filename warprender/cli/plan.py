@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from .arguments import add_picture_arguments
+from .progress import steps_bar
+
+if TYPE_CHECKING:
+    from .. import Camera, Renderer
+    from ..scene import Scene
+    from ..study.cost import Cost
+
+#: Arguments of `Renderer` to flags.
+_FLAGS = {"bounces": "bounces", "energy_compensation": "energyCompensation", "denoise": "denoise"}
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
@@ -18,6 +28,9 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     )
     add_picture_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the plan as JSON")
+    parser.add_argument(
+        "--cost", action="store_true", help="time the picture with and without each effect; compiles a kernel for most"
+    )
     parser.set_defaults(run=run)
 
 
@@ -31,11 +44,36 @@ def run(args: argparse.Namespace) -> int:
     start_warp(args.device)
     scene = open_stage(args).read(time)
     Warnings().show([*remarks(args), *scene.warnings])
-    plan = build_renderer(args, scene).plan
+    renderer = build_renderer(args, scene)
+    costs = _costs(args, scene, renderer) if args.cost else None
     if args.json:
         import json
+        from dataclasses import asdict
 
-        print(json.dumps(plan.as_dict(), indent=2))
-    else:
-        print(plan.explain())
+        measured = {} if costs is None else {"cost": [asdict(cost) for cost in costs]}
+        print(json.dumps({**renderer.plan.as_dict(), **measured}, indent=2))
+        return 0
+    print(renderer.plan.explain())
+    if costs is not None:
+        from ..study.cost import table
+
+        print(f"\n{table(costs)}")
     return 0
+
+
+def _costs(args: argparse.Namespace, scene: Scene, renderer: Renderer) -> list[Cost]:
+    """What each effect of the picture costs."""
+    from ..study.cost import measure_costs
+    from .request import build_renderer
+
+    def build(changed: Scene, camera: Camera, options: dict) -> Renderer:
+        flags = {_FLAGS[name]: value for name, value in options.items() if name != "outputs"}
+        asked = options.get("outputs", renderer.request.outputs)
+        flags |= {"camera": camera, "resolution": renderer.data_window.full}
+        if args.cameraLight == "auto":
+            # A light at the camera must not step in for lights that were left out.
+            flags["cameraLight"] = "off" if scene.lights else "on"
+        return build_renderer(argparse.Namespace(**{**vars(args), **flags}), changed, asked)
+
+    with steps_bar("cost") as progress:
+        return measure_costs(scene, renderer, build, progress)

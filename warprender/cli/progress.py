@@ -16,6 +16,16 @@ def progress_bar(title: str) -> Iterator[Progress | None]:
     if not sys.stderr.isatty():
         yield None
         return
+    with steps_bar(title) as show:
+        yield lambda done, frame_so_far: show(done, title)
+
+
+@contextmanager
+def steps_bar(title: str) -> Iterator[Callable[[float, str], None]]:
+    """Show a bar while the body runs and yield `show(share done, words)`; it does nothing without a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda done, words: None
+        return
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -38,7 +48,7 @@ def progress_bar(title: str) -> Iterator[Progress | None]:
         # Until the first pass is through, loading and compiling give no share to count.
         task = bar.add_task(title, total=None)
 
-        def show(done: float, frame_so_far: Callable) -> None:
-            bar.update(task, total=1.0, completed=done)
+        def show(done: float, words: str) -> None:
+            bar.update(task, total=1.0, completed=done, description=words)
 
         yield show

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -64,14 +65,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _draw_all(args: argparse.Namespace, stage: StageReader, pictures: list[Picture], warnings: Warnings) -> list[dict]:
-    """What each finished picture took; each frame's scene is read once for all its pictures."""
-    finished, read, scene = [], -1, None
+    """What each finished picture took; a time's scene is read once, and products that see the same are drawn once."""
+    finished, read, scene, drawn = [], -1, None, {}
     for picture in pictures:
         with progress_bar(Path(picture.path).name) as progress:
             if picture.frame != read:
-                read, scene = picture.frame, stage.read(picture.time)
+                read, scene, drawn = picture.frame, stage.read(picture.time), {}
                 warnings.show(scene.warnings)
-            frame = _draw(args, scene, picture, progress)
+            view = _view(scene, picture)
+            if view not in drawn:
+                same = [p for p in pictures if p.frame == read and _view(scene, p) == view]
+                drawn[view] = _draw(args, scene, same, progress)
+            frame = drawn[view].chosen(picture.outputs)
             warnings.show(frame.stats.get("warnings", ()))
         frame.save(picture.path, args.colorCorrectionMode)
         print(f"{picture.path}: {frame!r}", flush=True)
@@ -81,12 +86,23 @@ def _draw_all(args: argparse.Namespace, stage: StageReader, pictures: list[Pictu
     return finished
 
 
-def _draw(args: argparse.Namespace, scene: Scene, picture: Picture, progress: Progress | None) -> Frame:
+def _view(scene: Scene, picture: Picture) -> tuple:
+    """What a picture's product says of the view, () for the settings': equal where one render serves two files."""
+    if picture.product is None:
+        return ()
+    product = scene.settings.products[picture.product]
+    return astuple(replace(product, path="", productName="", outputs=()))
+
+
+def _draw(args: argparse.Namespace, scene: Scene, same: list[Picture], progress: Progress | None) -> Frame:
+    """One render with the outputs of all the pictures, which see the same."""
     from .request import build_renderer
 
-    if picture.product is not None:
-        scene = scene.for_product(scene.settings.products[picture.product])
-    return build_renderer(args, scene, picture.outputs).render(
+    number = same[0].product
+    if number is not None:
+        scene = scene.for_product(scene.settings.products[number])
+    shown = tuple(dict.fromkeys(name for picture in same for name in picture.outputs))
+    return build_renderer(args, scene, shown).render(
         samples=args.samples, error=args.error, seconds=args.seconds, seed=args.seed, progress=progress
     )
 

@@ -41,18 +41,18 @@ def write_stats(path: str, stage: str, frames: list[dict]) -> None:
         OSError: the file cannot be written.
     """
     with open(path, "w", encoding="utf-8") as file:
-        json.dump(_plain({"stage": stage, "frames": frames}), file, indent=2)
+        json.dump(plain({"stage": stage, "frames": frames}), file, indent=2)
         file.write("\n")
 
 
-def _plain(value: object) -> object:
+def plain(value: object) -> object:
     """The value in JSON's types: NumPy's numbers and arrays unwrapped, and null for what is not finite."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, dict):
-        return {str(key): _plain(v) for key, v in value.items()}
+        return {str(key): plain(v) for key, v in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value if isinstance(value, (str, int, float, type(None))) else str(value)

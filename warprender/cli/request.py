@@ -49,7 +49,7 @@ def build_renderer(args: argparse.Namespace, scene: Scene, shown: tuple[str, ...
     """The renderer of `scene` with the camera, the size and the accuracy that the flags ask for.
 
     Args:
-        args: parsed flags.
+        args: parsed flags; `camera` may be a `Camera` too.
         scene: what to draw.
         shown: outputs; None for those of --aov.
 
@@ -57,10 +57,10 @@ def build_renderer(args: argparse.Namespace, scene: Scene, shown: tuple[str, ...
         SceneError: no such camera.
         ValueError: an output, transport, device or filter that does not exist.
     """
-    from .. import Renderer
+    from .. import Camera, Renderer
     from ..framing import choose_camera, choose_resolution
 
-    camera = choose_camera(scene, args.camera)
+    camera = args.camera if isinstance(args.camera, Camera) else choose_camera(scene, args.camera)
     return Renderer(
         scene,
         camera=camera,
@@ -77,6 +77,7 @@ def build_renderer(args: argparse.Namespace, scene: Scene, shown: tuple[str, ...
         filter=args.filter,
         sampler=args.sampler,
         energy_compensation=args.energyCompensation,
+        denoise=args.denoise,
     )
 
 

@@ -107,7 +107,9 @@ def launch_samples(
     film: FilmRecord,
     device: str,
     threads: int | None,
+    pixels: int | None = None,
 ) -> None:
-    """Add `request.samples` samples of a transport to every pixel."""
+    """Add `request.samples` samples of a transport to the first `pixels`, None for every pixel."""
     kernel = samples_kernel(camera_effects, sdfs, radiance)
-    launch(kernel, camera.width * camera.height, [scene, camera, request, film], device, threads)
+    count = camera.width * camera.height if pixels is None else pixels
+    launch(kernel, count, [scene, camera, request, film], device, threads)

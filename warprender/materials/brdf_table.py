@@ -118,7 +118,7 @@ class BrdfTable:
             lines.append(f"{missing} of {count} cells above the horizon are missing; the nearest are taken")
         if self.largest_albedo() > 1.0:
             lines.append(f"it reflects up to {self.largest_albedo():.3g} times the light that arrives")
-        return lines
+        return [f"{self.name}: {line}" for line in lines] if self.name else lines
 
     @cached_property
     def filled(self) -> np.ndarray:

@@ -72,7 +72,8 @@ class Mesh(Watched):
 
 
 def _hand_out(mesh: Mesh) -> np.ndarray | wp.array:
-    mesh.handed_out = True
+    if not mesh.handed_out:
+        mesh.handed_out = True
     return mesh.stored
 
 

@@ -30,9 +30,20 @@ def blended(matrices: np.ndarray, influences: Influences) -> np.ndarray:
     return result
 
 
-def dual_quaternion_blended(matrices: np.ndarray, influences: Influences) -> np.ndarray:
-    """Dual quaternion skinning (Kavan et al. 2007), scale and shear blended linearly before the rotation."""
+def dual_quaternion_blended(matrices: np.ndarray, influences: Influences, of_normals: bool = False) -> np.ndarray:
+    """Dual quaternion skinning (Kavan et al. 2007), scale and shear blended linearly before the rotation.
+
+    Args:
+        matrices: (J, 4, 4) of the joints.
+        influences: of N points.
+        of_normals: answer what turns the points' normals, as `normal_matrices` does.
+
+    Returns:
+        (N, 4, 4) matrix of each point.
+    """
     stretch, rotation = _polar(matrices[:, :3, :3])
+    if of_normals:
+        stretch = _inverse_transposed(stretch)
     real = _quaternions(rotation)
     moved = np.concatenate([matrices[:, 3, :3], np.zeros((len(matrices), 1))], 1)
     dual = 0.5 * _product(moved, real)
@@ -62,13 +73,26 @@ def transformed_points(points: np.ndarray, matrices: np.ndarray) -> np.ndarray:
     return np.einsum("ni,nij->nj", points, matrices[:, :3, :3]) + matrices[:, 3, :3]
 
 
-def transformed_normals(normals: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """Normals (N, 3) by a matrix each: by its cofactors, which a flattened joint leaves finite. Unit, float64."""
-    a, b, c = (matrices[:, k, :3] for k in range(3))
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)
-    turned = np.einsum("ni,nij->nj", normals, cofactors)
+def normal_matrices(matrices: np.ndarray) -> np.ndarray:
+    """What turns normals as matrices (N, 4, 4) turn surfaces: (N, 4, 4), inverse, transposed, without translation."""
+    result = np.tile(np.eye(4), (len(matrices), 1, 1))
+    result[:, :3, :3] = _inverse_transposed(matrices[:, :3, :3])
+    return result
+
+
+def turned_normals(normals: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Normals (N, 3) by a matrix of `normal_matrices` each. Unit, float64."""
+    turned = np.einsum("ni,nij->nj", normals, turns[:, :3, :3])
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     return np.divide(turned, length, out=np.zeros_like(turned), where=length > 0)
+
+
+def _inverse_transposed(matrices: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) from cofactors, which are finite where a matrix flattens space: there they stand for the result."""
+    a, b, c = (matrices[:, k] for k in range(3))
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)
+    volume = np.einsum("ni,ni->n", a, cofactors[:, 0])
+    return cofactors / np.where(np.abs(volume) > 1e-200, volume, 1.0)[:, None, None]
 
 
 def _polar(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,9 +11,13 @@ from .reading import Reading
 
 
 def light_input(reading: Reading, prim: Usd.Prim, name: str) -> object:
-    """An authored input, under its name of today or without the prefix as in stages before 21.05."""
+    """An authored input, under its name of today or, with a remark, without the prefix as in stages before 21.05."""
     for attribute in (prim.GetAttribute(f"inputs:{name}"), prim.GetAttribute(name)):
         if attribute and attribute.HasAuthoredValue():
+            if not attribute.GetName().startswith("inputs:"):
+                reading.remark(
+                    prim, "its inputs have the names of before OpenUSD 21.05, without inputs:; they are taken"
+                )
             return reading.get(attribute)
     return None
 

@@ -35,7 +35,7 @@ HARMLESS = "MaterialBindingAPI is not applied"
 
 def load(
     path: str | os.PathLike | Usd.Stage,
-    time: float | Usd.TimeCode | None = None,
+    time: float | str | Usd.TimeCode | None = None,
     purposes: Iterable[str] | None = None,
     variants: Mapping[str, Mapping[str, str]] | None = None,
     mask: Iterable[str] | None = None,
@@ -50,7 +50,7 @@ def load(
 
     Args:
         path: a .usda, .usdc, .usd or .usdz file, or a `Usd.Stage`.
-        time: time code; None is the stage's startTimeCode if it is authored, else as early as anything is.
+        time: time code, "default" or "earliest"; None is the stage's startTimeCode if it is authored, else "earliest".
         purposes: purposes to draw besides "default", of "render", "proxy" and "guide"; None is what the render
             settings include, else usdrecord's, ("proxy",).
         variants: prim path to variant set to selection, as {"/Car": {"paint": "red"}}.
@@ -109,11 +109,21 @@ class StageReader:
         self._path, self._render_settings, self._render_pass = path, render_settings, render_pass
         self._purposes, self._level, self._draw_modes = _purposes(purposes), _level(complexity), draw_modes
         self._last: Reading | None = None
+        self._loading = {
+            "purposes": None if purposes is None else sorted(self._purposes - {"default"}),
+            "variants": {prim: dict(chosen) for prim, chosen in (variants or {}).items()},
+            "mask": list(mask) if mask else None,
+            "session_layer": os.path.abspath(session_layer) if session_layer else None,
+            "complexity": 1.0 + self._level / 10,
+            "render_settings": render_settings,
+            "render_pass": render_pass,
+            "draw_modes": draw_modes,
+        }
         with Diagnostics() as self._opening, _as_scene_errors(path):
             stage = open_stage(path, mask=mask, variants=variants, session_layer=session_layer)
             self._stage, self._unread = resolved_stage(stage)
 
-    def read(self, time: float | Usd.TimeCode | None = None) -> Scene:
+    def read(self, time: float | str | Usd.TimeCode | None = None) -> Scene:
         """The scene at a time code.
 
         Args:
@@ -136,10 +146,11 @@ class StageReader:
                 reading.scene.warn(line)
         for line in self._unread:
             reading.scene.warn(line)
+        reading.scene.loading = {**self._loading, "time": _plain_time(reading.time)}
         self._last = reading
         return reading.scene
 
-    def settings(self, time: float | Usd.TimeCode | None = None) -> RenderSettings:
+    def settings(self, time: float | str | Usd.TimeCode | None = None) -> RenderSettings:
         """The render settings at a time code, without the rest of the scene.
 
         Args:
@@ -153,7 +164,7 @@ class StageReader:
             self._read_settings(reading)
         return reading.scene.settings
 
-    def _reading(self, time: float | Usd.TimeCode | None) -> Reading:
+    def _reading(self, time: float | str | Usd.TimeCode | None) -> Reading:
         time_code = _time_code(self._stage, time)
         return Reading(self._stage, time_code, self._purposes or frozenset(), self._level, draw_modes=self._draw_modes)
 
@@ -161,6 +172,7 @@ class StageReader:
         """What comes before all else: it says which prims are drawn, and with which of their materials."""
         scene, layer = reading.scene, reading.stage.GetRootLayer()
         scene.source = layer.realPath or layer.identifier
+        scene.layers = [used.realPath for used in reading.stage.GetUsedLayers() if used != layer and used.realPath]
         read_cameras(reading)
         path = self._render_settings
         if self._render_pass:
@@ -220,15 +232,26 @@ def _world_bounds(reading: Reading) -> np.ndarray | None:
     return bounds if sane and (bounds[1] > bounds[0]).any() else None
 
 
-def _time_code(stage: Usd.Stage, time: float | Usd.TimeCode | None) -> Usd.TimeCode:
+def _time_code(stage: Usd.Stage, time: float | str | Usd.TimeCode | None) -> Usd.TimeCode:
     if isinstance(time, Usd.TimeCode):
         return time
+    if time == "default":
+        return Usd.TimeCode.Default()
+    if time == "earliest":
+        return Usd.TimeCode.EarliestTime()
     if time is not None:
         return Usd.TimeCode(float(time))
     if stage.HasAuthoredMetadata("startTimeCode"):
         return Usd.TimeCode(stage.GetStartTimeCode())
     # As usdrecord: the first sample of what is animated, the default of what is not.
     return Usd.TimeCode.EarliestTime()
+
+
+def _plain_time(code: Usd.TimeCode) -> float | str:
+    """As `load` takes it."""
+    if code.IsDefault():
+        return "default"
+    return "earliest" if code.IsEarliestTime() else code.GetValue()
 
 
 def _purposes(purposes: Iterable[str] | None) -> frozenset[str] | None:

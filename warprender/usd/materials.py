@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import Field, fields
+from dataclasses import Field, fields, replace
 
 import numpy as np
 from pxr import Tf, UsdShade
@@ -10,7 +10,7 @@ from pxr import Tf, UsdShade
 from ..materials import Dielectric, Material, MeasuredBRDF, PreviewSurface
 from ..materials.inputs import Varying
 from .materialx.inputs import resolve
-from .materialx.surfaces import displacement_input, is_node, is_surface, surface_inputs
+from .materialx.surfaces import displacement_input, is_node, is_surface, read_surface
 from .reading import Reading, one_line
 from .textures import asset_file, is_output, producer, read_node
 
@@ -36,19 +36,43 @@ def read_material(reading: Reading, material: UsdShade.Material) -> Material | N
             shader, _, _ = material.ComputeSurfaceSource(context)
             name = shader.GetShaderId() if shader else ""
             if name == "warprender:MeasuredBRDF":
-                return _read_measured_brdf(reading, shader)
+                return _read_measured_brdf(reading, material, shader)
             if name in KINDS:
                 inputs = _inputs(reading, shader, KINDS[name])
+                _remark_unknown(reading, material, shader, KINDS[name])
                 if KINDS[name] is PreviewSurface:
                     _remark_straight_through(reading, shader, inputs)
                     inputs |= _displacement(reading, material, shader)
                 return KINDS[name](**inputs)
             if shader and name and is_surface(shader):
-                return PreviewSurface(**surface_inputs(reading, shader) | _displacement(reading, material, shader))
+                return _displaced(reading, material, shader, read_surface(reading, shader))
         _remark_other_surface(reading, material)
     except Tf.ErrorException as error:
         reading.remark(material.GetPrim(), f"cannot be read: {one_line(error)}")
     return None
+
+
+def _displaced(
+    reading: Reading, material: UsdShade.Material, shader: UsdShade.Shader, drawn: PreviewSurface | Dielectric
+) -> PreviewSurface | Dielectric:
+    """A surface of MaterialX's with the material's displacement; a remark where it cannot have one."""
+    displacement = _displacement(reading, material, shader)
+    if displacement and isinstance(drawn, Dielectric):
+        reading.remark(material.GetPrim(), "its displacement is not drawn where light is refracted")
+        return drawn
+    return replace(drawn, **displacement)
+
+
+def _remark_unknown(
+    reading: Reading, material: UsdShade.Material, shader: UsdShade.Shader, kind: type[Material]
+) -> None:
+    """Name what a material asks for beside its surface, and inputs that the surface does not have."""
+    if material.ComputeVolumeSource()[0]:
+        reading.remark(material.GetPrim(), "its volume is not drawn")
+    known = {field.name for field in fields(kind)} | {"occlusion"}
+    for source in shader.GetInputs():
+        if source.GetBaseName() not in known and source.GetAttr().HasAuthoredValue():
+            reading.remark(shader.GetPrim(), f"{kind.__name__} has no input {source.GetBaseName()}")
 
 
 def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None:
@@ -60,19 +84,24 @@ def _remark_other_surface(reading: Reading, material: UsdShade.Material) -> None
     contexts = [str(o.GetBaseName()) for o in material.GetSurfaceOutputs() if o.HasConnectedSource()]
     if contexts:
         reading.remark(material.GetPrim(), f"surface {contexts[0]} is not drawn yet")
+    elif material.ComputeVolumeSource()[0]:
+        reading.remark(material.GetPrim(), "its volume is not drawn")
 
 
-def _read_measured_brdf(reading: Reading, shader: UsdShade.Shader) -> MeasuredBRDF | None:
-    """The measured material; None, with a remark, where its file cannot be read."""
+def _read_measured_brdf(reading: Reading, material: UsdShade.Material, shader: UsdShade.Shader) -> MeasuredBRDF | None:
+    """The measured material, with remarks about its data; None, with a remark, where its file cannot be read."""
     file = asset_file(reading, producer(reading, shader, "file"))
     if not file:
         reading.remark(shader.GetPrim(), "warprender:MeasuredBRDF names no file; it is drawn as if unbound")
         return None
     try:
-        return MeasuredBRDF(file)
+        measured = MeasuredBRDF(file)
     except ValueError as error:
         reading.remark(shader.GetPrim(), f"{error}; it is drawn as if unbound")
         return None
+    for warning in measured.table.warnings:
+        reading.remark(material.GetPrim(), warning)
+    return measured
 
 
 def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> dict[str, object]:
@@ -84,9 +113,8 @@ def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> 
         del values["opacityMode"]
     for name in ABOVE_ZERO.get(kind, ()):
         if not isinstance(values.get(name), Varying) and values.get(name, 1.0) <= 0:
-            reading.remark(
-                shader.GetPrim(), f"{name} is {values.pop(name)!r}, which is not above 0; its default is taken"
-            )
+            default = getattr(kind, name)
+            reading.remark(shader.GetPrim(), f"{name} is {values.pop(name)!r}; {default!r} is taken")
     if "normal" in values:
         reading.primvars.setdefault("st", None)
     return values

@@ -13,8 +13,9 @@ from ..shapes.skinning import (
     Influences,
     blended,
     dual_quaternion_blended,
-    transformed_normals,
+    normal_matrices,
     transformed_points,
+    turned_normals,
 )
 from .reading import Reading, one_line, shared_prim
 
@@ -82,12 +83,12 @@ class Pose:
 
     Attributes:
         points: (N, 3) float64, posed.
-        matrices: (N, 4, 4) movement of each point, None where joints move none.
+        turns: (N, 4, 4) what each point's normal is multiplied by, None where joints move none.
         normal_offsets: (N, 3) what blend shapes add to the normals before the joints, None where they do not.
     """
 
     points: np.ndarray
-    matrices: np.ndarray | None = None
+    turns: np.ndarray | None = None
     normal_offsets: np.ndarray | None = None
 
     def normals(self, normals: Primvar, indices: np.ndarray) -> Primvar:
@@ -103,8 +104,8 @@ class Pose:
         values = normals.expanded().astype(np.float64)
         if self.normal_offsets is not None:
             values = values + (self.normal_offsets[indices] if by_corner else self.normal_offsets)
-        if self.matrices is not None:
-            values = transformed_normals(values, self.matrices[indices] if by_corner else self.matrices)
+        if self.turns is not None:
+            values = turned_normals(values, self.turns[indices] if by_corner else self.turns)
         return Primvar(values, normals.interpolation)
 
 
@@ -114,12 +115,15 @@ def posed(reading: Reading, skin: Skin, points: np.ndarray) -> Pose:
     if not skin.has_joints:
         return Pose(points, None, normal_offsets)
     bind = np.array(skin.query.GetGeomBindTransform(reading.time), np.float64)
-    each = bind @ _blended(reading, skin, len(points))
-    return Pose(transformed_points(points, each), each, normal_offsets)
+    moves, turns = _blended(reading, skin, len(points))
+    return Pose(transformed_points(points, bind @ moves), normal_matrices(bind[None]) @ turns, normal_offsets)
 
 
-def _blended(reading: Reading, skin: Skin, points: int) -> np.ndarray:
-    """(N, 4, 4) movement of each point by its joints; none, with a remark, where they do not fit."""
+def _blended(reading: Reading, skin: Skin, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 4, 4) movement of each point by its joints, and of its normal; none, with a remark, where they do not fit.
+
+    The joints' matrices for normals are mixed as those for points are, as in UsdSkel.
+    """
     influences = _influences(reading, skin, points)
     joints = skin.skeleton.ComputeSkinningTransforms(reading.time)
     mapper = skin.query.GetJointMapper()
@@ -129,9 +133,11 @@ def _blended(reading: Reading, skin: Skin, points: int) -> np.ndarray:
     fits = influences is not None and influences.joints.min(initial=0) >= 0
     if not fits or influences.joints.max(initial=-1) >= len(matrices) or not np.isfinite(matrices).all():
         reading.remark(skin.query.GetPrim(), "its skeleton does not move it: joints, indices and weights do not fit")
-        return np.tile(np.eye(4), (points, 1, 1))
-    is_dual = skin.query.GetSkinningMethod() == UsdSkel.Tokens.dualQuaternion
-    return (dual_quaternion_blended if is_dual else blended)(matrices, influences)
+        still = np.tile(np.eye(4), (points, 1, 1))
+        return still, still
+    if skin.query.GetSkinningMethod() == UsdSkel.Tokens.dualQuaternion:
+        return dual_quaternion_blended(matrices, influences), dual_quaternion_blended(matrices, influences, True)
+    return blended(matrices, influences), blended(normal_matrices(matrices), influences)
 
 
 def _influences(reading: Reading, skin: Skin, points: int) -> Influences | None:

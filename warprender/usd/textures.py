@@ -122,6 +122,9 @@ def _read_primvar_reader(reading: Reading, node: UsdShade.Shader) -> PrimvarRead
     if not varname:
         reading.remark(node.GetPrim(), "it names no primvar")
         return None
+    declared = node.GetInput("varname").GetTypeName()
+    if declared != "string":
+        reading.remark(node.GetPrim(), f"varname is a {declared}, as in old stages; it is taken")
     varname = str(varname).removeprefix("primvars:")
     reading.primvars.setdefault(varname, None)
     fallback = np.reshape(_constant(reading, node, "fallback") or 0.0, -1)[:4]

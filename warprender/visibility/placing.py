@@ -15,6 +15,8 @@ from ..records import NOT_DRAWN, Instance
 #: γ(12) of float32: how far rounding of the matrices, and of the box itself by its middle and half, may move a point,
 #: relative to the terms that it is a sum of.
 _GAMMA = gamma(12)
+#: Instances that are worth another thread.
+_CHUNK = 1024
 #: |R| |Rᵀ| of a rotation has no row sum above it.
 _ROTATIONS = 3.0
 
@@ -70,7 +72,7 @@ class Placed:
 def launch_placing(rest: Rest, attachments: Attachments, shapes: Shapes, origin: wp.vec3d, placed: Placed) -> None:
     """Fill `placed` for all instances; positions become relative to `origin`."""
     arguments = [rest, attachments, shapes, origin, placed]
-    launch(_place_instances, len(rest.shape), arguments, placed.instances.device)
+    launch(_place_instances, len(rest.shape), arguments, placed.instances.device, smallest_chunk=_CHUNK)
 
 
 @wp.func

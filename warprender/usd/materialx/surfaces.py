@@ -1,4 +1,6 @@
-"""MaterialX's surfaces as a PreviewSurface: what its lobes can say, and a remark on each input that they cannot.
+"""MaterialX's surfaces as a PreviewSurface, or as a Dielectric where they refract.
+
+What their lobes can say is drawn, and a remark names each input that they cannot.
 
 The specular workflow carries their weights and tints: F0 of the dielectric from its index of refraction, F90 its
 weight, and white for metals. Where metalness varies over the surface the metallic workflow mixes on the device; the
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Usd, UsdShade
 
+from ...materials import Dielectric, PreviewSurface
 from ..reading import Reading
 from ..textures import is_output, producer
 from .inputs import Resolved, resolve
@@ -37,6 +40,10 @@ class Model:
         normal: name of the input with the normal.
         ignored: inputs that are not drawn, with the values at which they do nothing, by the input that switches them
             on; "" for those that are always on.
+        transmission: name of the weight of what is refracted.
+        glass: inputs of the `Dielectric` that stands for a surface that refracts; an `attenuationDistance` of 0 is
+            none.
+        opaque: inputs that such a surface does not draw, with the values at which they do nothing.
     """
 
     color: Callable[[Inputs], Values]
@@ -46,11 +53,23 @@ class Model:
     others: Mapping[str, tuple[int, Callable[[Inputs], Values]]]
     normal: str
     ignored: Mapping[str, Mapping[str, object]]
+    transmission: str
+    glass: Mapping[str, tuple[int, Callable[[Inputs], Values]]]
+    opaque: Mapping[str, object]
 
 
 def normal_reflectance(ior: Values) -> Values:
     """F0 of a dielectric."""
     return ((1.0 - ior) / (1.0 + ior)) ** 2
+
+
+def tinted(color: str, depth: str) -> dict[str, tuple[int, Callable[[Inputs], Values]]]:
+    """What colours the light inside: the surface where the depth is 0, else the way, as far as the depth."""
+    return {
+        "transmissionColor": (3, lambda i: np.where(i(depth, 0.0) > 0, 1.0, i(color, WHITE))),
+        "attenuationColor": (3, lambda i: np.where(i(depth, 0.0) > 0, i(color, WHITE), 1.0)),
+        "attenuationDistance": (1, lambda i: i(depth, 0.0)),
+    }
 
 
 STANDARD_SURFACE = Model(
@@ -69,14 +88,26 @@ STANDARD_SURFACE = Model(
     normal="normal",
     ignored={
         "": {
-            "diffuse_roughness": 0.0, "specular_anisotropy": 0.0, "transmission": 0.0, "subsurface": 0.0,
+            "diffuse_roughness": 0.0, "specular_anisotropy": 0.0, "subsurface": 0.0,
             "sheen": 0.0, "thin_film_thickness": 0.0,
         },
         "coat": {
             "coat_color": WHITE, "coat_anisotropy": 0.0, "coat_affect_color": 0.0, "coat_affect_roughness": 0.0,
             "coat_normal": None,
         },
+        "transmission": {
+            "transmission_scatter": BLACK, "transmission_dispersion": 0.0, "transmission_extra_roughness": 0.0,
+        },
     },
+    transmission="transmission",
+    glass={
+        "ior": (1, lambda i: i("specular_IOR", 1.5)),
+        "roughness": (1, lambda i: i("specular_roughness", 0.2)),
+        "specularColor": (3, lambda i: i("specular", 1.0) * i("specular_color", WHITE)),
+        **tinted("transmission_color", "transmission_depth"),
+        "thinWalled": (1, lambda i: i("thin_walled", 0.0)),
+    },
+    opaque={"metalness": 0.0, "coat": 0.0, "emission": 0.0, "opacity": WHITE},
 )  # fmt: skip
 
 OPEN_PBR_SURFACE = Model(
@@ -97,11 +128,21 @@ OPEN_PBR_SURFACE = Model(
     normal="geometry_normal",
     ignored={
         "": {
-            "base_diffuse_roughness": 0.0, "specular_roughness_anisotropy": 0.0, "transmission_weight": 0.0,
+            "base_diffuse_roughness": 0.0, "specular_roughness_anisotropy": 0.0,
             "subsurface_weight": 0.0, "fuzz_weight": 0.0, "thin_film_weight": 0.0,
         },
         "coat_weight": {"coat_color": WHITE, "coat_roughness_anisotropy": 0.0, "geometry_coat_normal": None},
+        "transmission_weight": {"transmission_scatter": BLACK, "transmission_dispersion_scale": 0.0},
     },
+    transmission="transmission_weight",
+    glass={
+        "ior": (1, lambda i: i("specular_ior", 1.5)),
+        "roughness": (1, lambda i: i("specular_roughness", 0.3)),
+        "specularColor": (3, lambda i: i("specular_weight", 1.0) * i("specular_color", WHITE)),
+        **tinted("transmission_color", "transmission_depth"),
+        "thinWalled": (1, lambda i: i("geometry_thin_walled", 0.0)),
+    },
+    opaque={"base_metalness": 0.0, "coat_weight": 0.0, "emission_luminance": 0.0, "geometry_opacity": 1.0},
 )  # fmt: skip
 
 GLTF_PBR = Model(
@@ -123,11 +164,22 @@ GLTF_PBR = Model(
     normal="normal",
     ignored={
         "": {
-            "transmission": 0.0, "iridescence": 0.0, "sheen_color": BLACK, "anisotropy_strength": 0.0,
+            "iridescence": 0.0, "sheen_color": BLACK, "anisotropy_strength": 0.0,
             "dispersion": 0.0,
         },
         "clearcoat": {"clearcoat_normal": None},
     },
+    transmission="transmission",
+    glass={
+        "ior": (1, lambda i: i("ior", 1.5)),
+        "roughness": (1, lambda i: i("roughness", 1.0)),
+        "specularColor": (3, lambda i: i("specular", 1.0) * i("specular_color", WHITE)),
+        "transmissionColor": (3, lambda i: i("base_color", WHITE)),
+        "attenuationColor": (3, lambda i: i("attenuation_color", WHITE)),
+        "attenuationDistance": (1, lambda i: i("attenuation_distance", 0.0)),
+        "thinWalled": (1, lambda i: 1.0 * (i("thickness", 0.0) <= 0)),
+    },
+    opaque={"clearcoat": 0.0, "emissive": BLACK},
 )  # fmt: skip
 
 #: Surfaces by the beginnings of their ids, which may end in a version.
@@ -148,11 +200,42 @@ def is_surface(shader: UsdShade.Shader) -> bool:
     return _model(shader) is not None
 
 
-def surface_inputs(reading: Reading, shader: UsdShade.Shader) -> dict[str, object]:
-    """Inputs of the `PreviewSurface` that stands for a surface of MaterialX's."""
+def read_surface(reading: Reading, shader: UsdShade.Shader) -> PreviewSurface | Dielectric:
+    """The material that stands for a surface of MaterialX's: glass where most of the light is refracted."""
     model = _model(shader)
     _remark_ignored(reading, shader, model)
     surface = _Surface(reading, shader)
+    if _refracts(reading, shader, model, surface):
+        return Dielectric(**_glass_inputs(reading, shader, model, surface))
+    return PreviewSurface(**_opaque_inputs(reading, model, surface))
+
+
+def _refracts(reading: Reading, shader: UsdShade.Shader, model: Model, surface: _Surface) -> bool:
+    """Whether the surface is glass: it is either that or opaque, by its weight; a remark where it is in between."""
+    weight = surface.get(1, lambda i: i(model.transmission, 0.0))
+    if not isinstance(weight, float | None):
+        reading.remark(shader.GetPrim(), f"{model.transmission} varies and is not drawn")
+        return False
+    weight = weight or 0.0
+    if 0.0 < weight < 1.0:
+        taken = "taken as 1" if weight >= 0.5 else "not drawn"
+        reading.remark(shader.GetPrim(), f"{model.transmission} is {weight:.3g} and is {taken}")
+    return weight >= 0.5
+
+
+def _glass_inputs(reading: Reading, shader: UsdShade.Shader, model: Model, surface: _Surface) -> dict[str, object]:
+    for name, neutral in model.opaque.items():
+        if _is_set(reading, shader, name, neutral):
+            reading.remark(shader.GetPrim(), f"{name} is not drawn where light is refracted")
+    found = {name: surface.get(*field) for name, field in model.glass.items()}
+    found["normal"] = surface.normal(model.normal)
+    found = {name: value for name, value in found.items() if value is not None}
+    if isinstance(found.get("attenuationDistance"), float) and found["attenuationDistance"] <= 0:
+        del found["attenuationDistance"]
+    return found
+
+
+def _opaque_inputs(reading: Reading, model: Model, surface: _Surface) -> dict[str, object]:
     found = surface.base(model) | {name: surface.get(*field) for name, field in model.others.items()}
     if "useSpecularWorkflow" not in found:
         # The index of refraction is the base's then.

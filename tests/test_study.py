@@ -1,0 +1,207 @@
+"""What a study computes, and `warprender study` from stage to report."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scenes
+from pictures import prepare
+
+import warprender as wr
+from warprender import images
+from warprender.cli import main
+from warprender.plan import TRANSPORTS, RenderPlan
+from warprender.study import analysis, measure, plots
+from warprender.study.measure import Reference
+from warprender.study.settings import ladder, sweep
+
+BOX = str(Path(__file__).parent.parent / "scenes_usd" / "cornell_box.usda")
+SHAPE = (40, 50, 3)
+
+
+def pictures_of(rng, count, bias=0.0, deviation=0.1):
+    return 0.5 + bias + deviation * rng.standard_normal((count, *SHAPE))
+
+
+@pytest.mark.parametrize("noise_of_the_reference", [0.0, 0.05])
+def test_bias_and_variance_are_told_apart(noise_of_the_reference):
+    rng = np.random.default_rng(2)
+    color = 0.5 + noise_of_the_reference * rng.standard_normal(SHAPE)
+    reference = Reference(color, noise_of_the_reference**2, "")
+    bias, sigmas, deviation = analysis.bias_and_deviation(pictures_of(rng, 4), reference)
+    assert abs(sigmas) < 4 and bias < 0.02
+    assert deviation == pytest.approx(0.1, rel=0.02)
+    # 6000 values of spread 0.05 to 0.07: a bias of 0.03 is many standard errors, and is known to 6 %.
+    bias, sigmas, deviation = analysis.bias_and_deviation(pictures_of(rng, 4, bias=0.03), reference)
+    assert sigmas > 5 and bias == pytest.approx(0.03, rel=0.24)
+    assert deviation == pytest.approx(0.1, rel=0.02)
+
+
+def test_bias_alarms_are_rare_and_two_sided():
+    rng = np.random.default_rng(4)
+    found = [
+        analysis.bias_and_deviation(pictures_of(rng, 2), Reference(np.full(SHAPE, 0.5), 0.0, ""))[1] for _ in range(200)
+    ]
+    # Squared bias over its standard error is near normal: mean 0 ± 0.07, deviation 1 ± 0.05.
+    assert abs(np.mean(found)) < 0.3 and 0.8 < np.std(found) < 1.25
+
+
+def test_pictures_without_noise_have_bias_alone():
+    bias, sigmas, deviation = analysis.bias_and_deviation(
+        np.full((2, *SHAPE), 0.75), Reference(np.full(SHAPE, 0.5), 0.0, "")
+    )
+    assert bias == 0.25 and sigmas == np.inf and deviation == 0.0
+
+
+def test_the_confidence_of_slopes():
+    # 300 fits with known slope and noise: 95 % of the intervals hold it; binomial deviation 1.3 %.
+    rng = np.random.default_rng(9)
+    n = np.repeat([4, 16, 64, 256], 3)
+    inside = 0
+    for _ in range(300):
+        found, half = analysis.slope(n, n**-0.5 * np.exp(0.1 * rng.standard_normal(n.size)))
+        inside += abs(found + 0.5) < half
+    assert 0.95 - 0.05 < inside / 300 <= 0.95 + 0.05
+
+
+def test_what_is_varied():
+    assert ladder(256) == [4, 16, 64, 256] and ladder(100) == [6, 25, 100] and ladder(2) == [2]
+    plan = RenderPlan("path", "rays", None, None, bounds={"bounces": 3})
+    settings = sweep(plan, 16, denoiser=True)
+    assert len({s.name for s in settings}) == len(settings)
+    knobs = {(s.knob, s.value) for s in settings}
+    assert {("sampler", "sobol"), ("sampler", "independent"), ("denoised", "yes")} <= knobs
+    assert {v for k, v in knobs if k == "bounces"} == {"0", "1", "2"}
+    assert {v for k, v in knobs if k == "transport"} == set(TRANSPORTS) - {"none", "path"}
+    assert not any(s.denoise for s in sweep(plan, 16, denoiser=False))
+
+
+def test_the_worst_corner_and_the_front():
+    reference = np.zeros((64, 80, 3))
+    color = reference.copy()
+    color[40:44, 60:64] = 1.0
+    rows, columns = plots.worst_corner(color, reference, 16)
+    assert rows.start <= 40 and rows.stop >= 44 and columns.start <= 60 and columns.stop >= 64
+    assert plots.worst_corner(color[:4], reference[:4]) == (slice(0, 4), slice(0, 4))
+
+
+def study(folder, *flags):
+    return main(["study", BOX, str(folder), "-w", "16", "--samples", "16", "--pictures", "2", *flags])
+
+
+class TestCommand:
+    @pytest.fixture(autouse=True)
+    def _needs_the_package(self):
+        pytest.importorskip("matplotlib", reason="matplotlib, of the extra study, is not installed")
+
+    def test_from_stage_to_report_with_a_stop_on_the_way(self, tmp_path, capsys, monkeypatch):
+        folder = tmp_path / "study"
+        whole, count = measure.Study._measure, [0]
+
+        def impatient(self, *arguments):
+            count[0] += 1
+            if count[0] > 3:
+                raise KeyboardInterrupt
+            whole(self, *arguments)
+
+        monkeypatch.setattr(measure.Study, "_measure", impatient)
+        assert study(folder) == 130
+        assert f"what was measured is in {folder}" in capsys.readouterr().err
+        kept = (folder / "measurements.jsonl").read_text()
+        assert kept.count("\n") == 3 and not (folder / "report.html").exists()
+
+        # A line that was cut off is measured again; the others are kept.
+        (folder / "measurements.jsonl").write_text(kept + '{"setting": "sampler')
+        monkeypatch.setattr(measure.Study, "_measure", whole)
+        reference = (folder / "reference.exr").read_bytes()
+        assert study(folder) == 0
+        out = capsys.readouterr().out
+        assert "report.html" in out and (folder / "reference.exr").read_bytes() == reference
+        assert (folder / "measurements.jsonl").read_text().startswith(kept)
+
+        page = (folder / "report.html").read_text()
+        assert "http" not in page.replace("https://", "http").split("<body>")[0] and page.count("data:image/png") > 8
+        rows = list(csv.DictReader(open(folder / "results.csv")))
+        results = json.loads((folder / "results.json").read_text())
+        assert [r["setting"] for r in rows] == [r["setting"] for r in results["settings"]]
+        assert {r["knob"] for r in rows} >= {"sampler", "bounces"}
+        by_name = {r["setting"]: r for r in results["settings"]}
+        # Without bounces the room lacks its indirect light; with as many as matter nothing but noise is missing.
+        assert by_name["bounces 0, 16 samples"]["biased"]
+        assert not by_name["sampler independent, 16 samples"]["biased"]
+        assert by_name["bounces 0, 16 samples"]["rays"] < by_name["sampler sobol, 16 samples"]["rays"]
+        row = by_name["sampler sobol, 4 samples"]
+        assert row["efficiency"] == pytest.approx(1 / (row["rmse"] ** 2 * row["seconds"]))
+        assert row["rmse"] ** 2 == pytest.approx(row["bias"] ** 2 + row["deviation"] ** 2, rel=0.2)
+
+        def must_not(*arguments):
+            raise AssertionError("everything has been measured")
+
+        monkeypatch.setattr(measure.Study, "_measure", must_not)
+        assert study(folder) == 0
+
+        other = ["study", BOX, str(folder), "-w", "17", "--samples", "16"]
+        capsys.readouterr()
+        assert main(other) == 1
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1 and "another resolution" in error
+
+    def test_a_picture_as_reference_and_a_budget(self, tmp_path, capsys):
+        reference = tmp_path / "reference.exr"
+        images.write(reference, {"color": np.full((16, 16, 4), 0.5, np.float32)})
+        assert study(tmp_path / "a", "--reference", str(reference), "--budget", "1e-9") == 0
+        assert "0 settings" in capsys.readouterr().out
+        small = tmp_path / "small.exr"
+        images.write(small, {"color": np.full((8, 16, 4), 0.5, np.float32)})
+        assert study(tmp_path / "a", "--reference", str(small)) == 1
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1 and "small.exr" in error and "16x8" in error
+
+
+def test_without_matplotlib_it_says_what_to_install(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(plots, "find_spec", lambda name: None)
+    assert study(tmp_path) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and 'pip install "warprender[study]"' in error
+
+
+def corner():
+    """Three walls under a rect light: smooth, with light between the walls."""
+    scene = wr.Scene()
+    floor = np.array([(-2, 0, 2), (2, 0, 2), (2, 0, -2), (-2, 0, -2)], float)
+    scene.add_mesh("/floor", floor, [[0, 1, 2, 3]], color=(0.7, 0.7, 0.7))
+    back = np.array([(-2, 0, -2), (2, 0, -2), (2, 3, -2), (-2, 3, -2)], float)
+    scene.add_mesh("/back", back, [[0, 1, 2, 3]], color=(0.7, 0.4, 0.3))
+    scene.add_light(
+        wr.RectLight(width=1.5, height=1.5, intensity=6.0), pose=scenes.look_at((0, 3, 1), (0, 0, 0), (0, 0, 1))
+    )
+    return scene, scenes.camera((0, 1.2, 2.2), (0, 0.7, -1), fov=45.0)
+
+
+def test_how_the_error_falls_with_samples():
+    scene, view = corner()
+
+    def color(sampler, samples, seed):
+        renderer = renderers[sampler]
+        return renderer.render(samples=samples, seed=seed).numpy("color")[..., :3].astype(float)
+
+    renderers = {name: prepare(scene, view, 16, sampler=name, bounces=2) for name in ("independent", "sobol")}
+    halves = [color("sobol", 4096, seed) for seed in (1001, 1002)]
+    reference = Reference(np.mean(halves, 0), float(np.mean((halves[0] - halves[1]) ** 2)) / 4, "")
+    found = {}
+    for sampler in renderers:
+        counts, errors = [], []
+        for samples in (16, 64, 256):
+            shots = np.stack([color(sampler, samples, seed) for seed in range(4)])
+            counts += [samples] * 4
+            errors += [np.sqrt(np.mean((shot - reference.color) ** 2) - reference.variance) for shot in shots]
+            # Both samplers are unbiased: what is left of the mean picture's error is chance.
+            _, sigmas, _ = analysis.bias_and_deviation(shots, reference)
+            assert abs(sigmas) < 4, (sampler, samples)
+        found[sampler] = analysis.slope(counts, errors)
+    slope, half = found["independent"]
+    assert half < 0.05 and abs(slope + 0.5) < 2 * half
+    slope, half = found["sobol"]
+    assert slope + half < -0.55

@@ -1,0 +1,129 @@
+"""Measure what accuracy costs in time on a stage: a converged reference, then every setting against it.
+
+FOLDER gets report.html, results.csv and results.json. A study that was stopped goes on when it is started again.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from .arguments import add_picture_arguments, positive_float, positive_int
+from .progress import steps_bar
+from .report import interrupted
+
+if TYPE_CHECKING:
+    from .. import Renderer
+    from ..scene import Scene
+
+#: Width in pixels where no flag asks for a size.
+_WIDTH = 128
+_SAMPLES = 256
+_PICTURES = 4
+
+
+def add_parser(commands: argparse._SubParsersAction) -> None:
+    """Add the command and its flags."""
+    parser = commands.add_parser(
+        "study",
+        usage="%(prog)s [FLAGS] STAGE FOLDER",
+        help="measure what accuracy costs in time",
+        description=__doc__,
+        allow_abbrev=False,
+    )
+    add_picture_arguments(parser)
+    parser.add_argument("folder", metavar="FOLDER", help="where the study is kept; made where it does not exist")
+    group = parser.add_argument_group("study")
+    group.add_argument("--reference", metavar="FILE.exr", help="compare with this picture instead of rendering one")
+    group.add_argument(
+        "--pictures",
+        type=positive_int,
+        default=_PICTURES,
+        metavar="COUNT",
+        help=f"pictures of different seeds for each setting (default: {_PICTURES}); 2 or more tell bias from variance",
+    )
+    group.add_argument(
+        "--budget",
+        type=positive_float,
+        metavar="SECONDS",
+        help="begin no measurement after this time; the reference takes 40 %% of it at most",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Render the reference, measure what is missing, write the report."""
+    from ..denoise import available
+    from ..study import plots
+    from ..study.measure import Interrupted, Study
+    from ..study.report import write_report
+    from ..study.settings import sweep
+    from .quiet import start_warp
+    from .report import Warnings
+    from .request import open_stage, remarks, times
+
+    plots.check_available()
+    start_warp(args.device)
+    warnings = Warnings()
+    warnings.show([*remarks(args), *_ignored(args)])
+    scene = open_stage(args).read(times(args)[0])
+    warnings.show(scene.warnings)
+
+    def build(**changed: object) -> Renderer:
+        return _renderer(args, scene, changed)
+
+    plan = build().plan
+    most = args.samples or _SAMPLES
+    settings = sweep(plan, most, available())
+    study = Study(args.folder, build, _identity(args, scene, build()))
+    skipped: list[str] = []
+    try:
+        with steps_bar("study") as progress:
+            if args.reference:
+                reference = study.take_reference(args.reference)
+            else:
+                reference = study.reference(most, args.budget, progress)
+            seeds = range(args.seed, args.seed + args.pictures)
+            share = None if args.budget is None else (1.0 if args.reference else 0.6) * args.budget
+            skipped = study.measure(settings, seeds, share, progress)
+    except (Interrupted, KeyboardInterrupt):
+        return interrupted(f"what was measured is in {args.folder}; the same command goes on")
+    found = write_report(study, settings, reference, f"What accuracy costs: {args.stage}", skipped)
+    best = sorted((row for row in found if row.best), key=lambda row: row.seconds)
+    for row in best:
+        print(f"{row.seconds:9.4f} s  RMSE {row.rmse:.4g}  {row.setting}")
+    left_out = f"; {len(skipped)} of {len(settings)} settings left out or cut short by --budget" if skipped else ""
+    print(f"{args.folder}/report.html: {len(found)} settings, {len(study.measurements)} pictures{left_out}")
+    return 0
+
+
+def _ignored(args: argparse.Namespace) -> list[str]:
+    names = [name for name in ("error", "seconds") if getattr(args, name) is not None]
+    return [f"--{name}: a study sets it itself; --samples and --budget bound it" for name in names]
+
+
+def _renderer(args: argparse.Namespace, scene: Scene, changed: dict[str, object]) -> Renderer:
+    """The study's renderer with some of `Renderer`'s arguments changed."""
+    from ..framing import choose_camera, choose_resolution
+    from .request import build_renderer
+
+    flags = {"aov": None, "denoise": changed.pop("denoise", False), **changed}
+    if not (args.resolution or args.imageWidth):
+        width, height = choose_resolution(scene, choose_camera(scene, args.camera), None)
+        flags["resolution"] = (min(_WIDTH, width), max(1, round(height * min(_WIDTH, width) / width)))
+    return build_renderer(argparse.Namespace(**{**vars(args), **flags}), scene, ("color",))
+
+
+def _identity(args: argparse.Namespace, scene: Scene, renderer: Renderer) -> dict:
+    """What must be the same for measurements to belong together."""
+    from ..receipt import file_hash
+
+    flags = ("camera", "filter", "enableLightVisibility", "enableDomeLightVisibility", "cameraLight", "device")
+    return {
+        "stage": scene.source,
+        "stage's contents": file_hash(scene.source),
+        "way of reading it": scene.loading,
+        "resolution": list(renderer.resolution),
+        **{flag: getattr(args, flag) for flag in flags},
+        "energyCompensation": args.energyCompensation,
+    }
