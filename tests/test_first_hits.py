@@ -193,7 +193,8 @@ def test_auto_takes_what_should_be_quicker_and_says_why():
     assert many.visibility == "raster"
     assert "1280 triangles, 518400 pixels" in many.reasons["visibility raster"]
     assert plan_of(scene, camera, pixels=100).visibility == "rays"
-    assert plan_of(scene, camera, outputs=("color",)).visibility == "rays"
+    color = analyse(scene, camera, Request(), camera_light=True)
+    assert color.color_visibility == "rays" and color.reasons["color by rays"] == "paths are made of rays"
 
 
 def test_auto_leaves_clipping_planes_to_rays():

@@ -87,6 +87,21 @@ def test_paths_follow_posed_bodies_to_the_bit():
     assert_same(values(renderer, samples=4), values(prepare(bodies(POSES), CAMERA, 24), samples=4))
 
 
+@pytest.mark.parametrize("visibility", VISIBILITIES)
+def test_colour_without_paths_follows_to_the_bit(visibility):
+    def renderer(scene):
+        return wr.Renderer(scene, CAMERA, (24, 24), visibility=visibility, transport="local")
+
+    scene = bodies()
+    moving = renderer(scene)
+    before = values(moving, samples=2)
+    scene.set_poses(BODIES, device_poses())
+    moving.update()
+    after = values(moving, samples=2)
+    assert differ(before, after)
+    assert_same(after, values(renderer(bodies(POSES)), samples=2))
+
+
 def test_there_and_back_is_where_it_was():
     scene = bodies(POSES)
     renderer = aovs(scene)

@@ -16,6 +16,8 @@ from .sampling import REPLICATES
 
 #: Straight pieces of the tables that turn uniform numbers into filter offsets; the tails of a Gaussian need many.
 _TABLE = 2048
+#: Steps of the R2 sequence: 1/g and 1/g² with g³ = g + 1 (Roberts 2018).
+_R2 = 1.3247179572447460 ** np.array([-1.0, -2.0])
 #: Luminance from which on a pixel is lit.
 LIT = 1e-3
 
@@ -24,7 +26,8 @@ LIT = 1e-3
 class FilmRecord:
     """Per pixel (H, W): sums of radiance and alpha, of squared radiance, of each replicate's luminance, and counts.
 
-    `rays` counts camera, bounce and shadow rays; `dropped` the samples that were not finite.
+    `rays` counts camera, bounce and shadow rays; `dropped` the samples that were not finite; `unfollowed` the
+    rays that there was no room for.
     """
 
     sums: wp.array2d(dtype=wp.vec4d)
@@ -33,6 +36,7 @@ class FilmRecord:
     samples: wp.array2d(dtype=wp.int32)
     dropped: wp.array2d(dtype=wp.int32)
     rays: wp.array2d(dtype=wp.vec3i)
+    unfollowed: wp.array2d(dtype=wp.int32)
     filter_table: wp.array(dtype=wp.float32)
 
 
@@ -66,6 +70,20 @@ def filter_offset(table: wp.array(dtype=wp.float32), u: float) -> float:
     return a + (table[cell + 1] - a) * (position - wp.float32(cell))
 
 
+def pixel_offset(table: np.ndarray, seed: int, sample: int) -> tuple[float, float]:
+    """Offset in pixels from all pixels' centres of a rasterized sample, distributed as the filter with this table.
+
+    `REPLICATES` sequences take turns, as for rays, each Roberts' R2 with a shift that depends on the seed; the first
+    begins at the centre.
+    """
+    shift = np.random.default_rng((seed & 0xFFFFFFFF, sample % REPLICATES)).random(2)
+    if sample % REPLICATES == 0:
+        shift = np.array([0.5, 0.5])
+    u = (shift + sample // REPLICATES * _R2) % 1.0
+    x, y = np.interp(u, np.linspace(0.0, 1.0, len(table)), table)
+    return float(x), float(y)
+
+
 class Film:
     """Accumulates samples on a device; resumable."""
 
@@ -80,12 +98,13 @@ class Film:
         self.record.samples = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.dropped = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.rays = wp.zeros(shape, dtype=wp.vec3i, device=device)
+        self.record.unfollowed = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.filter_table = wp.array(filter_table(filter), dtype=wp.float32, device=device)
 
     def clear(self) -> None:
         """Forget all samples."""
         film = self.record
-        for array in (film.sums, film.squares, film.replicates, film.samples, film.dropped, film.rays):
+        for array in (film.sums, film.squares, film.replicates, film.samples, film.dropped, film.rays, film.unfollowed):
             array.zero_()
 
     def color(self, exposure: float, threads: int | None = None) -> wp.array:
@@ -173,6 +192,10 @@ class Film:
         """Rays traced so far, by kind."""
         camera, bounce, shadow = self.record.rays.numpy().reshape(-1, 3).sum(0, dtype=np.int64)
         return {"camera": int(camera), "bounce": int(bounce), "shadow": int(shadow)}
+
+    def unfollowed_rays(self) -> int:
+        """Rays that the transport had no room for: their light is missing."""
+        return int(self.record.unfollowed.numpy().sum(dtype=np.int64))
 
     def dropped_samples(self) -> int:
         """Samples that were not finite and are in no pixel."""

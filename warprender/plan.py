@@ -14,7 +14,7 @@ import warp as wp
 
 from .camera import Camera
 from .denoise import GUIDES
-from .emitters import lit
+from .emitters import emits, lit
 from .lights import Light
 from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS, TRANSMITTING, DisplayColor
@@ -24,7 +24,12 @@ from .scene import Placement, Scene, SceneError, materials_of
 from .shapes import SHAPES, Mesh, Primvar, Sdf
 from .textures import Texture
 
-TRANSPORTS = ("none", "path")
+#: The transports: from none to all light, and how each goes on.
+TRANSPORTS = ("none", "local", "direct", "whitted", "path")
+#: Those that see one surface a ray: they follow no bounce.
+ONE_SURFACE = ("local", "direct")
+#: Those that add up the lights at a surface, and reflect no other light in its rough parts.
+LIGHT_BY_LIGHT = ("local", "direct", "whitted")
 VISIBILITIES = ("rays", "raster", "painter")
 
 #: Nanoseconds of one CPU thread, measured at 1280×720 with 100,000 and a million triangles, a quarter of the picture
@@ -41,6 +46,8 @@ LIGHT_EFFECTS = {
 
 #: Share of the emitted light that may be lost to the end of paths when no number of bounces is given.
 BOUNCE_TOLERANCE = 1e-4
+#: Perfect reflections and refractions that "whitted" follows when no number of bounces is given.
+WHITTED_BOUNCES = 8
 #: Paths never reflect more often than this.
 MOST_BOUNCES = 256
 
@@ -96,9 +103,10 @@ class RenderPlan:
     """The answer of `analyse`.
 
     Attributes:
-        transport: "none" or "path".
-        visibility: "rays", "raster" or "painter": how the AOVs' first hits are found. Paths are made of rays.
-        path: key of the path-tracing kernel, None when no colour is asked for.
+        transport: one of `TRANSPORTS`.
+        visibility: "rays", "raster" or "painter": how the AOVs' first hits are found.
+        color_visibility: the same of colour.
+        path: key of the transport's kernel, None when no colour is asked for.
         outputs: key of the AOV kernel, None when no AOV is asked for.
         reasons: effect to the prim or flag that called for it.
         absent: effect to what would call for it.
@@ -107,6 +115,7 @@ class RenderPlan:
 
     transport: str
     visibility: str
+    color_visibility: str
     path: PathKey | None
     outputs: OutputsKey | None
     reasons: dict[str, str] = field(default_factory=dict)
@@ -115,7 +124,7 @@ class RenderPlan:
 
     def explain(self) -> str:
         """A few lines for people: what runs, why, and what would call for the rest."""
-        lines = [f"transport   {self.transport}", f"visibility  {self.visibility}", "", "in this picture"]
+        lines = [f"transport   {self.transport}", "", "in this picture"]
         width = max((len(name) for name in (*self.reasons, *self.absent)), default=0)
         lines += [f"  {name:{width}}  {reason}" for name, reason in self.reasons.items()]
         lines += ["", "left out, with what would call for it"]
@@ -128,15 +137,19 @@ class RenderPlan:
 
         So nothing is compiled because something went, or came back.
         """
-        path = before.path if covers(before.path, self.path) else self.path
+        alike = before.transport == self.transport
+        path = before.path if alike and covers(before.path, self.path) else self.path
         outputs = before.outputs if covers(before.outputs, self.outputs) else self.outputs
         # Both kernels must number the distance functions alike.
         if path is None or outputs is None or path.sdfs == outputs.sdfs:
             self.path, self.outputs = path, outputs
         if "clippingPlanes" not in camera.effects() and self.visibility != before.visibility:
-            del self.reasons[f"visibility {self.visibility}"]
+            self.reasons.pop(f"visibility {self.visibility}", "")
             self.visibility = before.visibility
             self.reasons[f"visibility {self.visibility}"] = "as before"
+        if self.color_visibility != "rays" and before.color_visibility == "rays":
+            self.reasons.pop(f"color by {self.color_visibility}", "")
+            self.color_visibility, self.reasons["color by rays"] = "rays", "as before"
         return self
 
     @property
@@ -171,17 +184,21 @@ def analyse(
         SceneError: an output, transport or visibility that does not exist.
     """
     _check(request)
-    transport = request.transport
-    if transport == "auto":
-        transport = "path" if of_samples(request.outputs) else "none"
+    lights = lit(scene, camera_light) if of_samples(request.outputs) else {}
+    transport, called_for = _transport(scene, request, lights)
+    passing = _straight_through(scene)
     visibility, why = _visibility(scene, camera, request, pixels)
-    plan = RenderPlan(transport, visibility, None, None, {f"visibility {visibility}": why})
+    color_visibility, why_color = _color_visibility(scene, camera, request, pixels, transport, passing)
+    plan = RenderPlan(transport, visibility, color_visibility, None, None, {f"transport {transport}": called_for})
+    if of_first_hits(request.outputs):
+        plan.reasons[f"visibility {visibility}"] = why
+    if of_samples(request.outputs):
+        plan.reasons[f"color by {color_visibility}"] = why_color
     shapes = _effects(plan, "shape", {s.__name__ for s in SHAPES}, _shape_callers(scene), "a prim of this kind")
     materials = _effects(
         plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
     )
     features = _material_features(plan, scene, request)
-    passing = _straight_through(scene)
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
@@ -196,16 +213,47 @@ def analyse(
     if aovs:
         pinhole = tuple(e for e in effects if e != "lens")
         plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features, sdfs)
-    if transport == "path" and of_samples(request.outputs):
-        lights = lit(scene, camera_light)
+    if of_samples(request.outputs):
         kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
         sampled = any(light.power(1.0) > 0 for light in lights.values())
-        why = "lights that can be aimed at" if sampled else ""
-        _note(plan, "shadow rays", why, "a light other than a dome")
+        if transport == "local":
+            plan.absent["shadow rays"] = "another transport than local"
+        else:
+            why = "lights that can be aimed at" if sampled else ""
+            _note(plan, "shadow rays", why, "a light other than a dome")
         light_effects = _light_effects(plan, lights)
         plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs)
         _bound_bounces(plan, scene, request)
     return plan
+
+
+def _transport(scene: Scene, request: Request, lights: dict[str, Light]) -> tuple[str, str]:
+    """The transport, and why: with "auto" the cheapest that leaves out nothing that the scene calls for."""
+    if request.transport != "auto":
+        return request.transport, "asked for"
+    if not of_samples(request.outputs):
+        return "none", "no color is asked for"
+    if not lights and not any(emits(scene, placement) for placement in scene.placements.values()):
+        return "local", "nothing gives light"
+    if _largest_albedo(scene, request) <= 0.0:
+        return "local", "nothing reflects light"
+    return "path", "surfaces reflect light to each other"
+
+
+def _color_visibility(
+    scene: Scene, camera: Camera, request: Request, pixels: int, transport: str, passing: str
+) -> tuple[str, str]:
+    """How the first hits of colour are found, and why. Rays where the rasterizer cannot see what they do."""
+    for reason, applies in (
+        ("the camera has depth of field", "lens" in camera.effects()),
+        (f"{passing} lets paths straight through", passing and transport == "path"),
+        ("paths are made of rays", transport == "path" and request.visibility == "auto"),
+        ("the camera has clippingPlanes", "clippingPlanes" in camera.effects()),
+        (f"{_sdf(scene)} is a signed distance function", request.visibility == "auto" and _sdf(scene)),
+    ):
+        if applies:
+            return "rays", reason
+    return _cheaper(scene, request, pixels)
 
 
 def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> tuple[str, str]:
@@ -219,15 +267,22 @@ def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> 
     if request.visibility == "painter" and other:
         kind = type(scene.placements[other].shape).__name__
         raise SceneError(f"visibility 'painter' draws triangles alone, and {other} is a {kind.lower()}")
-    sdf = next((path for path, p in scene.placements.items() if isinstance(p.shape, Sdf)), "")
     if request.visibility in ("raster", "painter") and only_rays:
         raise SceneError(f"visibility {request.visibility!r}: {only_rays}, which only rays can follow")
+    if request.visibility == "auto" and _sdf(scene):
+        only_rays = only_rays or f"{_sdf(scene)} is a signed distance function"
+    return ("rays", only_rays) if only_rays else _cheaper(scene, request, pixels)
+
+
+def _sdf(scene: Scene) -> str:
+    """The first prim that is a signed distance function, or ""."""
+    return next((path for path, p in scene.placements.items() if isinstance(p.shape, Sdf)), "")
+
+
+def _cheaper(scene: Scene, request: Request, pixels: int) -> tuple[str, str]:
+    """What is asked for, or what should take less time, where both show the same."""
     if request.visibility != "auto":
         return request.visibility, "asked for"
-    if only_rays or not of_first_hits(request.outputs):
-        return "rays", only_rays or "color is made of rays"
-    if sdf:
-        return "rays", f"{sdf} is a signed distance function"
     faces = sum(
         len(p.shape.triangles) * len(p.transforms) for p in scene.placements.values() if isinstance(p.shape, Mesh)
     )
@@ -286,6 +341,8 @@ def _check(request: Request) -> None:
         raise SceneError("denoising is of color, which is not among the outputs")
     if request.bounces is not None and request.bounces < 0:
         raise SceneError(f"bounces must be 0 or more, not {request.bounces}")
+    if request.bounces and request.transport in ONE_SURFACE:
+        raise SceneError(f"bounces {request.bounces}: transport {request.transport!r} follows none")
 
 
 def _note(plan: RenderPlan, effect: str, reason: str, caller: str) -> None:
@@ -386,7 +443,8 @@ def _straight_through(scene: Scene) -> str:
     return ""
 
 
-def _largest_albedo(scene: Scene) -> float:
+def _largest_albedo(scene: Scene, request: Request) -> float:
+    """Upper bound on the reflected share of light over all surfaces; 1 where compensation may add to it."""
     albedo = 0.0
     for placement in scene.placements.values():
         for key in materials_of(placement):
@@ -394,12 +452,18 @@ def _largest_albedo(scene: Scene) -> float:
             colors = _primvar(scene, placement, key, "displayColor")
             if colors is not None and len(colors.values):
                 albedo = max(albedo, float(np.nanmax(colors.values)))
-    return min(albedo, 1.0)
+    return 1.0 if request.energy_compensation and albedo > 0.0 else min(albedo, 1.0)
 
 
 def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
     """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted."""
-    albedo = 1.0 if request.energy_compensation else _largest_albedo(scene)
+    if plan.transport in ONE_SURFACE:
+        plan.bounds = {"bounces": 0}
+        return
+    if plan.transport == "whitted":
+        plan.bounds = {"bounces": WHITTED_BOUNCES if request.bounces is None else request.bounces}
+        return
+    albedo = _largest_albedo(scene, request)
     bounces = request.bounces
     if bounces is None:
         bounces = MOST_BOUNCES

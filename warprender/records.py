@@ -66,7 +66,8 @@ class Bsdf:
     """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
 
     `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
-    diffuse part, already scaled by it, leaves to nothing else. `table` indexes `DeviceScene.brdfs`.
+    diffuse part, already scaled by it, leaves to nothing else. `ambient` is reflected of every light by the transports
+    that add up lights one by one, and by no other. `table` indexes `DeviceScene.brdfs`.
 
     `eta` is the index of refraction beyond the surface over that on the viewer's side, 0 for what does not refract;
     `transmission` is the factor of what crosses, `absorption` that of the medium inside per scene unit, and `thin` is
@@ -75,6 +76,7 @@ class Bsdf:
 
     kind: wp.int32
     emission: wp.vec3
+    ambient: wp.vec3
     diffuse: wp.vec3
     f0: wp.vec3
     f90: wp.vec3
@@ -417,6 +419,8 @@ class InstanceRecord:
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
+    `local_reflection` is 1 where lights are added up one by one and rough lobes reflect nothing else.
+
     `sdf_instances` are the numbers of the instances that are signed distance functions.
 
     `albedo` is `materials.albedo.albedo_table`. `tiles` has 100 picture numbers a UDIM set, -1 where there is none;
@@ -437,6 +441,7 @@ class DeviceScene:
     materials: wp.array(dtype=MaterialRecord)
     albedo: wp.array2d(dtype=wp.vec4)
     energy_compensation: wp.int32
+    local_reflection: wp.int32
     inputs: wp.array(dtype=InputRecord)
     pictures: wp.array(dtype=PictureRecord)
     levels: wp.array(dtype=LevelRecord)

@@ -14,20 +14,21 @@ import warp as wp
 from .attaching import posed_transforms
 from .camera import Camera
 from .denoise import GUIDES, MISSING, available, denoised
+from .film import filter_table, pixel_offset
 from .films import Films
 from .frame import Frame, Stats
 from .framing import camera_at, choose_camera, choose_camera_path, choose_data_window, choose_resolution
+from .integrators import RADIANCE
 from .integrators.none import launch_outputs
-from .integrators.path import radiance_function
-from .integrators.samples import PathRequest, launch_samples
+from .integrators.samples import PathRequest, launch_samples, samples_kernel
 from .launch import thread_count
 from .live import LiveScene
 from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs
-from .plan import RenderPlan, Request, analyse
+from .plan import LIGHT_BY_LIGHT, OutputsKey, PathKey, RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError, pose_matrix
 from .texels import TEXTURE_BYTES
-from .visibility.first_hits import FirstHits, RasterHits, RayHits
+from .visibility.first_hits import RasterHits, RayHits
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
 DEFAULT_SAMPLES = 64
@@ -56,9 +57,13 @@ class Renderer:
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
         outputs: a name, or several: "color", the AOVs of `warprender.outputs.OUTPUTS`, and for study "sampleCount",
             "standardError" and "rayCount".
-        visibility: how outputs other than color see: "rays", "raster" (exact edges and a depth buffer), "painter"
+        visibility: how first surfaces are found: "rays", "raster" (exact edges and a depth buffer), "painter"
             (triangles back to front, as it was done before depth buffers), or "auto": what should take less time.
-        transport: "path" (path tracing), "none" (no color, AOVs alone), or "auto": "none" without color.
+            Colour that the rasterizer cannot see (depth of field, paths through what is clear) is made of rays.
+        transport: how light gets to the camera. "none": no color, AOVs alone. "local": the first surface's reflection
+            of each light, with nothing in the way. "direct": the same with shadows. "whitted": perfect reflection
+            and refraction as well. "path": all light, by path tracing. "auto": "none", "local" or "path", the first
+            that leaves out nothing.
         device: Warp device, as "cpu" or "cuda:0".
         threads: CPU threads, None for all cores. The picture does not depend on it.
         bounces: reflections followed after the one at the camera's hit, None for as many as matter; 0 is
@@ -142,10 +147,9 @@ class Renderer:
         if not (scene.placements or dome_light_visible or lights_visible):
             scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
         self._sobol = sampler == "sobol"
-        self._first_hits: FirstHits | None = None
-        self._seen_by: tuple = ()
+        self._finders: dict[str, tuple[tuple, RayHits | RasterHits]] = {}
         self._look()
-        self._films = Films(*self.resolution, device, filter)
+        self._films, self._filter_table = Films(*self.resolution, device, filter), filter_table(filter)
         self._seconds = {"prepare": time.perf_counter() - start}
 
     def render(
@@ -274,23 +278,34 @@ class Renderer:
             self.data_window,
         )
         upload.record.energy_compensation = int(self.request.energy_compensation)
-        if self.plan.outputs is None:
-            return
-        kind = upload, self.plan.outputs.camera, self.plan.visibility
-        if kind == self._seen_by:
-            self._first_hits.follow(upload.record, self._camera_record)
-        else:
-            self._first_hits, self._seen_by = self._see(), kind
+        upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
+        plan = self.plan
+        self._first_hits = self._color_hits = None
+        if plan.outputs is not None:
+            self._first_hits = self._finder("outputs", plan.visibility, plan.outputs)
+        if plan.path is not None and plan.color_visibility != "rays":
+            self._color_hits = self._finder("color", plan.color_visibility, plan.path)
 
-    def _see(self) -> FirstHits:
-        upload, camera, effects = self._live.upload, self._camera_record, self.plan.outputs.camera
-        if self.plan.visibility == "rays":
-            return RayHits(upload.record, camera, effects, self.device, self.plan.sdfs)
-        painter, boxes = self.plan.visibility == "painter", upload.world.boxes
+    def _finder(self, use: str, visibility: str, key: PathKey | OutputsKey) -> RayHits | RasterHits:
+        """What finds first hits for one use of them, as they are now; the one before, where it can follow."""
+        kind = self._live.upload, visibility, key.camera, key.sdfs
+        known = self._finders.get(use)
+        if known is not None and known[0] == kind:
+            known[1].follow(self._live.record, self._camera_record)
+            return known[1]
+        self._finders[use] = kind, self._see(visibility, key)
+        return self._finders[use][1]
+
+    def _see(self, visibility: str, key: PathKey | OutputsKey) -> RayHits | RasterHits:
+        """What finds first hits for a kernel by "rays", "raster" or "painter"."""
+        upload, camera = self._live.upload, self._camera_record
+        if visibility == "rays":
+            return RayHits(upload.record, camera, key.camera, self.device, key.sdfs)
+        painter, boxes = visibility == "painter", upload.world.boxes
         instances, rayed = upload.rows["geometry"], upload.boxes_for_rays()
         triangles = [part.record for part in upload.parts]
         return RasterHits(
-            upload.record, triangles, instances, rayed, boxes, camera, effects, self.device, painter, self.plan.sdfs
+            upload.record, triangles, instances, rayed, boxes, camera, key.camera, self.device, painter, key.sdfs
         )
 
     def _render_outputs(self) -> dict[str, wp.array]:
@@ -360,11 +375,20 @@ class Renderer:
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
         """Add samples to the first `pixels`, None for all."""
+        if self._color_hits is None:
+            self._launch(request, first_sample, samples, pixels)
+            return
+        for sample in range(first_sample, first_sample + samples):
+            offset = pixel_offset(self._filter_table, request.seed, sample)
+            request.hits, request.offset = self._color_hits.find(self.threads, offset), wp.vec2(*offset)
+            self._launch(request, sample, 1, pixels)
+
+    def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
         request.first_sample, request.samples = first_sample, samples
-        scene, camera, film = self._live.record, self._camera_record, self._films.last.record
-        key = self.plan.path
-        radiance = radiance_function(key)
-        launch_samples(key.camera, key.sdfs, radiance, scene, camera, request, film, self.device, self.threads, pixels)
+        scene, camera, film, key = self._live.record, self._camera_record, self._films.last.record, self.plan.path
+        radiance, rasterized = RADIANCE[self.plan.transport](key), self._color_hits is not None
+        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized)
+        launch_samples(kernel, scene, camera, request, film, self.device, self.threads, pixels)
         wp.synchronize_device(self.device)
 
     def _denoised(self, outputs: dict[str, wp.array]) -> wp.array:
@@ -388,6 +412,7 @@ class Renderer:
             outputs |= {n: film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
             stats["rays"], stats["error"] = film.ray_counts, film.relative_error
             stats["frame error"], stats["dropped samples"] = film.frame_error, film.dropped_samples
+            stats["unfollowed rays"] = film.unfollowed_rays
             self._films.describe(stats)
         stats["texture bytes"] = self._live.upload.texture_bytes
         stats["plan"] = plan.as_dict

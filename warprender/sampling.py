@@ -61,6 +61,18 @@ def sample_stream(seed: wp.uint32, pixel: wp.int32, sample: wp.int32, sobol: wp.
 
 
 @wp.func
+def branch(stream: SampleStream, number: wp.int32) -> SampleStream:
+    """A stream of the same sample for one of several things that are sampled alike; number 0 has the stream itself."""
+    result = SampleStream()
+    result.key = stream.key
+    result.index = stream.index
+    result.sobol = stream.sobol
+    if number != 0:
+        result.key = mix_bits(stream.key + wp.uint64(wp.uint32(number)))
+    return result
+
+
+@wp.func
 def random_pair(stream: SampleStream, bounce: wp.int32, dimension: wp.int32) -> wp.vec2:
     """Two numbers in [0, 1), for Sobol points well spread over a pixel's samples; bounces count from -1, the camera."""
     index = wp.uint64((bounce + 1) * _DIMENSIONS_PER_BOUNCE + dimension + 1)

@@ -17,6 +17,9 @@ from .raster import DrawList, Raster, Triangles
 from .rays import miss
 from .sdf import ray_functions
 
+#: Pixels from their centres that points may lie at, as reconstruction filters ask.
+FARTHEST_OFFSET = 2.0
+
 
 class FirstHits(Protocol):
     """A way to find first hits."""
@@ -116,21 +119,41 @@ class RasterHits:
         """See `FirstHits`."""
         self._scene, self._camera = scene, camera
         boxes = self._boxes() if camera.orthographic else np.zeros((0, 2, 3))
-        to_clip = wp.mat44d(*clip_matrix(camera, boxes).reshape(-1))
-        launch(_matrices_to_clip, len(self._draws.matrices), [to_clip, scene.world, self._draws.matrices], self._device)
+        self._to_clip = clip_matrix(camera, boxes)
+        self._shift((0.0, 0.0))
         if len(self._rayed.instances):
             size = wp.vec2i(camera.width, camera.height)
             arguments = [self._draws.matrices, scene.world, size, self._rayed]
             launch(_box_pixels, len(self._rayed.instances), arguments, self._device)
             launch(_mark_rows, camera.height, [self._rayed, self._by_ray], self._device, smallest_chunk=16)
 
-    def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
-        """See `FirstHits`."""
+    def _shift(self, offset: tuple[float, float]) -> None:
+        """Take instances to clip space for points at this offset from the centres."""
+        to_clip = wp.mat44d(*_moved(self._to_clip, self._camera, offset).reshape(-1))
+        arguments = [to_clip, self._scene.world, self._draws.matrices]
+        launch(_matrices_to_clip, len(self._draws.matrices), arguments, self._device)
+        self._offset = offset
+
+    def find(self, threads: int | None = None, offset: tuple[float, float] = (0.0, 0.0)) -> wp.array2d(dtype=Hit):
+        """See `FirstHits`; of the rays through points that lie `offset` pixels from the centres, to the right and down.
+
+        `offset` is at most `FARTHEST_OFFSET` either way.
+        """
+        if offset != self._offset:
+            self._shift(offset)
         self._seen = seen = self._draw(self._camera.width, self._camera.height, threads, into=self._seen)
         arguments = [self._scene, self._camera, self._draws.first_face, seen.face, seen.u, seen.v, self._by_ray]
         size = self._camera.width, self._camera.height
-        launch_pixels(self._kernel, *size, [*arguments, self._hits], self._hits.device, threads)
+        arguments = [*arguments, wp.vec2(*offset), self._hits]
+        launch_pixels(self._kernel, *size, arguments, self._hits.device, threads)
         return self._hits
+
+
+def _moved(to_clip: np.ndarray, camera: CameraRecord, offset: tuple[float, float]) -> np.ndarray:
+    """The clip matrix under which pixel centres lie where points at this offset from them lay before."""
+    shift = np.eye(4)
+    shift[0, 3], shift[1, 3] = -2.0 * offset[0] / camera.width, 2.0 * offset[1] / camera.height
+    return shift @ to_clip
 
 
 def clip_matrix(camera: CameraRecord, boxes: np.ndarray) -> np.ndarray:
@@ -215,9 +238,10 @@ def _box_pixels(first: wp.int32, matrices: wp.array(dtype=wp.mat44d), world: Wor
         for a in range(2):
             pixels = wp.float64(size[a])
             half = wp.float64(0.5)
+            margin = wp.float64(wp.static(1.0 + FARTHEST_OFFSET))
             # Clamped first: what lies far outside has no int32.
-            begin = wp.clamp((low[a] * half + half) * pixels - wp.float64(1.0), wp.float64(0.0), pixels)
-            end = wp.clamp((high[a] * half + half) * pixels + wp.float64(1.0), wp.float64(0.0), pixels)
+            begin = wp.clamp((low[a] * half + half) * pixels - margin, wp.float64(0.0), pixels)
+            end = wp.clamp((high[a] * half + half) * pixels + margin, wp.float64(0.0), pixels)
             box[a] = wp.int32(wp.floor(begin))
             box[a + 2] = wp.int32(wp.ceil(end))
     if world.instances[rayed.instances[i]].placed == wp.static(NOT_DRAWN):
@@ -294,19 +318,20 @@ def _raster_kernel(effects: tuple[str, ...], by_rays: bool, sdfs: tuple[wp.Funct
         u: wp.array2d(dtype=wp.float32),
         v: wp.array2d(dtype=wp.float32),
         by_ray: wp.array2d(dtype=wp.uint8),
+        offset: wp.vec2,
         hits: wp.array2d(dtype=Hit),
     ):
         begin = (first + wp.tid()) * columns
         y = begin // camera.width
         for x in range(begin - y * camera.width, begin - y * camera.width + columns):
             hit = miss()
+            px = wp.float32(x) + 0.5 + offset[0]
+            py = wp.float32(y) + 0.5 + offset[1]
             if wp.static(by_rays):
                 if by_ray[y, x] != wp.uint8(0):
-                    hit = closest(
-                        scene, camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
-                    )
+                    hit = closest(scene, camera_ray(camera, px, py, wp.vec2(0.5, 0.5)))
             if face[y, x] >= 0 and by_ray[y, x] == wp.uint8(0):
-                ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
+                ray = camera_ray(camera, px, py, wp.vec2(0.5, 0.5))
                 instance = draw_of(first_face, face[y, x])
                 triangle = face[y, x] - first_face[instance]
                 geometry = scene.instances[instance].geometry
