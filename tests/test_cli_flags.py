@@ -127,6 +127,7 @@ def test_every_flag_arrives(recorder):
         "filter": "box",
         "sampler": "sobol",
         "energy_compensation": True,
+        "denoise": False,
     }
     assert recorder.renders == [dict(samples=9, error=0.1, seconds=2.5, seed=5, progress=None)]
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from light_scenes import floor, illuminance, pose
 from test_lights import irradiances, sampled
+from usd_stage import scene_of
 
 from warprender.color import blackbody_tint
 from warprender.emitters import lit
@@ -64,6 +65,17 @@ def test_l6_exposure_of_30_stops(kind):
     scene = floor(light)
     mean, error = illuminance(scene, samples=64)
     assert np.isfinite(mean).all() and np.isfinite(error).all() and (mean > 1e13).all()
+
+
+@pytest.mark.parametrize("exposure", [200.0, 1e30, 3e38])
+def test_l6_more_than_float32_holds_is_left_out_and_said(exposure):
+    text = f'def SphereLight "lamp" {{ float inputs:exposure = {exposure} }} def Sphere "ball" {{ }}'
+    scene = scene_of(text)
+    assert not scene.lights
+    assert any("/lamp" in warning and "intensity and exposure" in warning for warning in scene.warnings)
+    # From Python it is there, and dark.
+    scene.add_light(SphereLight(exposure=exposure), path="/python")
+    assert not scene.lights["/python"].radiance().any() and not lit(scene, False)
 
 
 def test_l7_one_texel_of_a_large_map():

@@ -13,6 +13,8 @@ from ..records import LightRecord, LightSample
 from .shadow import Shadow
 from .shaping import Shaping
 
+#: Radiance beyond it is none: it leaves room for products in float32.
+MOST_STRENGTH = 1e30
 #: Rounding may put a point at the rim of a cone of light this much outside of it, in radians.
 _RIM = 0.01
 
@@ -59,16 +61,22 @@ class Light:
         """What `normalize` divides by; a light without a size answers 1."""
         return 1.0
 
+    def strength(self) -> float:
+        """Intensity * 2**exposure; inf or NaN where that is no number."""
+        # NumPy's power: Python's raises an error where the result is too large.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(self.intensity * np.float64(2.0) ** self.exposure)
+
     def radiance(self) -> np.ndarray:
-        """Emitted radiance (3,) float64, linear Rec.709, before shaping and texture; 0 where an input is not finite."""
-        value = np.asarray(self.color, np.float64) * self.intensity * 2.0**self.exposure
+        """Emitted radiance (3,) float64, linear Rec.709, before shaping and texture; 0 where no number or too large."""
+        value = np.asarray(self.color, np.float64) * self.strength()
         if self.enableColorTemperature:
             value = value * blackbody_tint(self.colorTemperature)
         if self.normalize:
             size = self.size_factor()
             value = value / size if size > 0 else np.zeros(3)
         value = value * self.shaping.profile_scale()
-        return value if np.isfinite(value).all() else np.zeros(3)
+        return value if (np.abs(value) <= MOST_STRENGTH).all() else np.zeros(3)
 
     def kind(self) -> str:
         """Name of the device functions that draw it."""
