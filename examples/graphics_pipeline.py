@@ -29,7 +29,7 @@ def main() -> None:
     parser.add_argument("--width", type=int, default=480, help="pixels (default: 480)")
     args = parser.parse_args()
 
-    scene, outputs = wr.load(STAGE), ("color", "position", "normal", "primId")
+    scene, outputs = wr.load(STAGE, complexity="high"), ("color", "position", "normal", "primId")
     size = (args.width, args.width * 3 // 4)
     renderer = wr.Renderer(scene, resolution=size, outputs=outputs, transport="local", visibility="raster")
     frame = renderer.render(samples=args.samples)
