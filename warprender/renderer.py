@@ -378,10 +378,11 @@ class Renderer:
         if self._color_hits is None:
             self._launch(request, first_sample, samples, pixels)
             return
-        for sample in range(first_sample, first_sample + samples):
+        # Even without samples once: that compiles.
+        for sample in range(first_sample, first_sample + max(samples, 1)):
             offset = pixel_offset(self._filter_table, request.seed, sample)
             request.hits, request.offset = self._color_hits.find(self.threads, offset), wp.vec2(*offset)
-            self._launch(request, sample, 1, pixels)
+            self._launch(request, sample, min(samples, 1), pixels)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
         request.first_sample, request.samples = first_sample, samples
