@@ -16,6 +16,8 @@ from .shaping import Shaping
 
 #: Radiance beyond it is none: it leaves room for products in float32.
 MOST_STRENGTH = 1e30
+#: A longer light has a square that float32 does not hold.
+MOST_SIZE = 1e18
 #: Rounding may put a point at the rim of a cone of light this much outside of it, in radians.
 _RIM = 0.01
 
