@@ -109,10 +109,10 @@ def march_spheres(centres, radii, origins, directions):
 
 def cast(renderer, origins, directions):
     """First and second hit along rays given in the world: distances (R, 2), and whether each is occluded."""
-    origins = wp.array((origins - renderer._upload.origin).astype(np.float32), dtype=wp.vec3)
+    origins = wp.array((origins - renderer._live.upload.origin).astype(np.float32), dtype=wp.vec3)
     directions = wp.array(directions.astype(np.float32), dtype=wp.vec3)
     found, blocked = wp.empty(len(origins), dtype=wp.vec2), wp.empty(len(origins), dtype=wp.bool)
-    inputs = [renderer._upload.record, origins, directions, found, blocked]
+    inputs = [renderer._live.record, origins, directions, found, blocked]
     wp.launch(casting(renderer.plan.sdfs), len(origins), inputs)
     return found.numpy(), blocked.numpy()
 
