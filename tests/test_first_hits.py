@@ -90,7 +90,8 @@ def first_hits(scene, camera, visibility):
 
 def edge_distance(renderer, hit, x, y):
     """Pixels from a centre to the nearest edge of the triangle that was hit there."""
-    geometry = renderer._upload.geometries[renderer._upload.record.instances.numpy()["geometry"][hit["instance"]]]
+    upload = renderer._live.upload
+    geometry = upload.parts[upload.rows["geometry"][hit["instance"]]].record
     points = geometry.points.numpy()[geometry.indices.numpy().reshape(-1, 3)[hit["face"]]].astype(float)
     matrix = renderer._first_hits._draws.matrices.numpy()[hit["instance"]]
     clip = np.concatenate([points, np.ones((3, 1))], 1) @ matrix.T

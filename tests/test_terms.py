@@ -201,7 +201,7 @@ def test_nothing_is_kept_that_is_not_asked_for():
     plain, one, two = (
         wr.Renderer(scene, view, (8, 8), outputs) for outputs in ("color", ("color", "color:3"), names(2))
     )
-    assert not plain.plan.path.terms and plain._film.terms.sums.size == 0
+    assert not plain.plan.path.terms and plain._films.last.terms.sums.size == 0
     assert "single terms" in plain.plan.absent and "color:3" in one.plan.reasons["single terms"]
     assert one.plan.path == two.plan.path != everything()
-    assert one._film.terms.sums.shape == (1, 64)
+    assert one._films.last.terms.sums.shape == (1, 64)

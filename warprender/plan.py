@@ -7,7 +7,7 @@ sizes and colours are runtime values and never in a key.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 
 import numpy as np
 import warp as wp
@@ -132,6 +132,26 @@ class RenderPlan:
         lines += [f"  {name:{width}}  {reason}" for name, reason in self.absent.items()]
         lines += ["", "bounds"] + [f"  {name:{width}}  {value:g}" for name, value in self.bounds.items()]
         return "\n".join(lines)
+
+    def kept_from(self, before: RenderPlan, camera: Camera) -> RenderPlan:
+        """This plan with the kernels of an earlier one of the same request, as far as they draw what it asks for.
+
+        So nothing is compiled because something went, or came back.
+        """
+        alike = before.transport == self.transport
+        path = before.path if alike and covers(before.path, self.path) else self.path
+        outputs = before.outputs if covers(before.outputs, self.outputs) else self.outputs
+        # Both kernels must number the distance functions alike.
+        if path is None or outputs is None or path.sdfs == outputs.sdfs:
+            self.path, self.outputs = path, outputs
+        if "clippingPlanes" not in camera.effects() and self.visibility != before.visibility:
+            self.reasons.pop(f"visibility {self.visibility}", "")
+            self.visibility = before.visibility
+            self.reasons[f"visibility {self.visibility}"] = "as before"
+        if self.color_visibility != "rays" and before.color_visibility == "rays":
+            self.reasons.pop(f"color by {self.color_visibility}", "")
+            self.color_visibility, self.reasons["color by rays"] = "rays", "as before"
+        return self
 
     @property
     def sdfs(self) -> tuple[wp.Function, ...]:
@@ -275,6 +295,20 @@ def _cheaper(scene: Scene, request: Request, pixels: int) -> tuple[str, str]:
     rays, raster = pixels * RAY_COST, pixels * PIXEL_COST + faces * TRIANGLE_COST
     milliseconds = f"about {1e-6 * raster:.3g} ms of one thread by raster, {1e-6 * rays:.3g} ms by rays"
     return "raster" if raster < rays else "rays", f"{faces} triangles, {pixels} pixels: {milliseconds}"
+
+
+def covers(wide: PathKey | OutputsKey | None, narrow: PathKey | OutputsKey | None) -> bool:
+    """Whether the kernel of one key draws all that another key asks for, to the bit: it has more compiled in."""
+    if wide is None or narrow is None:
+        return wide is narrow
+    for part in fields(wide):
+        more, less = getattr(wide, part.name), getattr(narrow, part.name)
+        if part.name == "outputs" or not isinstance(more, (tuple, bool)):
+            if more != less:
+                return False
+        elif (less and not more) if isinstance(more, bool) else not set(less) <= set(more):
+            return False
+    return True
 
 
 def everything() -> PathKey:

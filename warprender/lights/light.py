@@ -10,17 +10,20 @@ import warp as wp
 from ..color import LUMINANCE, blackbody_tint
 from ..numerics import INFINITY
 from ..records import LightRecord, LightSample
+from ..watched import Watched
 from .shadow import Shadow
 from .shaping import Shaping
 
 #: Radiance beyond it is none: it leaves room for products in float32.
 MOST_STRENGTH = 1e30
+#: A longer light has a square that float32 does not hold.
+MOST_SIZE = 1e18
 #: Rounding may put a point at the rim of a cone of light this much outside of it, in radians.
 _RIM = 0.01
 
 
 @dataclass
-class Light:
+class Light(Watched):
     """UsdLuxLightAPI, names, units and defaults as in the schema.
 
     Attributes:
@@ -38,6 +41,7 @@ class Light:
         shadow: how much of its shadows it shows.
         unlit: paths of prims that it does not shine on.
         unshadowed: paths of prims that do not cast shadows of it.
+        visible: whether it gives light.
     """
 
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -53,6 +57,7 @@ class Light:
     shadow: Shadow = field(default_factory=Shadow)
     unlit: frozenset[str] = frozenset()
     unshadowed: frozenset[str] = frozenset()
+    visible: bool = True
 
     #: Whether it is infinitely far away, or else has no place in the tree of lights.
     infinite = False

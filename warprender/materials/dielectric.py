@@ -29,6 +29,7 @@ from ..records import (
     Surface,
 )
 from ..sampling import ggx_visible_normal
+from ..watched import Watched
 from .fresnel import fresnel_dielectric, refracted, thin_sheet
 from .inputs import NORMAL, Color, Number, Varying, clamped, constant, row_of, values_function
 from .microfacet import SMALLEST_ALPHA, ggx_density, ggx_visible_pdf, smith_length
@@ -54,7 +55,7 @@ _SMALLEST_SPREAD = wp.constant(wp.float32(1.0e-5))
 
 
 @dataclass
-class Dielectric:
+class Dielectric(Watched):
     """A clear boundary that reflects and refracts. Shader id `warprender:Dielectric`.
 
     Every input is a constant, a `Texture` or a `PrimvarReader`. The medium is on the side that the authored normal

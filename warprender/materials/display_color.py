@@ -21,13 +21,14 @@ from ..records import (
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf
 from ..shapes.primvar import primvar_at
+from ..watched import Watched
 
 COLOR = wp.constant(wp.int32(0))
 OPACITY = wp.constant(wp.int32(1))
 
 
 @dataclass
-class DisplayColor:
+class DisplayColor(Watched):
     """Lambert reflection of `primvars:displayColor`, present to the degree `primvars:displayOpacity`.
 
     Attributes:

@@ -17,6 +17,7 @@ import warp as wp
 from ..numerics import PI
 from ..records import EVENT_SCATTER, BrdfRecord, Bsdf, BsdfSample, BsdfValue, DeviceScene, Surface
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, interval_of, share_of
+from ..watched import Watched
 from .brdf_table import ANGLES, COLUMNS, ROWS, BrdfTable
 
 ALBEDO = wp.constant(wp.int32(0))
@@ -26,7 +27,7 @@ COSINE_SHARE = wp.constant(wp.float32(0.1))
 
 
 @dataclass
-class MeasuredBRDF:
+class MeasuredBRDF(Watched):
     """A BRDF looked up in a file of MERL's format; it neither emits nor lets light through.
 
     It is isotropic, and seen alike from both sides. A measurement does not tell a diffuse part from a specular one: a

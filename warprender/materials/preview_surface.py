@@ -32,6 +32,7 @@ from ..records import (
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
+from ..watched import Watched
 from .albedo import SIZE, albedo_table, white_albedo
 from .inputs import NORMAL, Color, Number, Varying, clamped, constant, least, row_of, values_function
 from .microfacet import (
@@ -64,7 +65,7 @@ OPACITY_MODE = _NUMBERS["opacityMode"]
 
 
 @dataclass
-class PreviewSurface:
+class PreviewSurface(Watched):
     """UsdPreviewSurface 2.6; names and fallbacks as in the specification.
 
     Every input but the mode is a constant, a `Texture` or a `PrimvarReader`. `occlusion` is left out: a path tracer
