@@ -118,9 +118,7 @@ def pixel_offset(table: np.ndarray, seed: int, sample: int) -> tuple[float, floa
 class Film:
     """Accumulates samples on a device; resumable."""
 
-    def __init__(
-        self, width: int, height: int, device: str, filter: str = "box", terms: tuple[int, ...] = ()
-    ) -> None:
+    def __init__(self, width: int, height: int, device: str, filter: str = "box", terms: tuple[int, ...] = ()) -> None:
         """An empty film of this size in pixels, which also keeps these terms apart."""
         self.width, self.height, self.device = width, height, device
         shape = (height, width)
