@@ -154,7 +154,7 @@ class Instance:
     to_object: mat34
     to_world: mat34
     geometry: wp.int32
-    placed: wp.int32  # 0 where to_object is the identity
+    placed: wp.int32  # 0 where to_object is the identity, 1 where it only moves, 2 elsewhere
 
 
 @wp.struct

@@ -58,7 +58,9 @@ def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surfac
         shading = -shading
         surface.front = 0
     surface.geometric_normal = n
-    surface.normal = face_viewer(shading, n, surface.outgoing)
+    surface.normal = n
+    if not (local.normal == local.geometric_normal):
+        surface.normal = face_viewer(shading, n, surface.outgoing)
     surface.material = instance.material
     if instance.material < 0:
         surface.material = scene.geometries[instance.geometry].face_material[local.face]

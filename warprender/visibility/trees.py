@@ -225,7 +225,8 @@ class WorldTree:
         rows = np.zeros(len(to_world), Instance.numpy_dtype())
         rows["to_object"], rows["to_world"] = to_object * scale, to_world
         rows["geometry"] = self.geometry
-        rows["placed"] = (rows["to_object"] != np.eye(3, 4, dtype=np.float32)).any((1, 2))
+        differs = rows["to_object"] != np.eye(3, 4, dtype=np.float32)
+        rows["placed"] = np.where(differs[:, :, :3].any((1, 2)), 2, differs.any((1, 2)))
         self._instances = wp.array(rows, dtype=Instance, device=self.device)
         # |W| |M| bounds how far an error of the object-space origin reaches in the world
         reach = (np.abs(to_world[:, :, :3]) @ np.abs(to_object[:, :, :3])).sum(2).max(1)
