@@ -6,13 +6,15 @@ The path tracer is compiled for a plain key: with every effect compiled in, CUDA
 import pytest
 import warp as wp
 
+from warprender import bodies
 from warprender.film import _resolve_kernel
 from warprender.gonioreflectometer import measure_kernel
+from warprender.integrators import RADIANCE
 from warprender.integrators.none import outputs_kernel
-from warprender.integrators.path import radiance_function
 from warprender.integrators.samples import samples_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
+from warprender.visibility import first_hits, placing, trees
 
 CAMERA = ("perspective",)
 PLAIN = PathKey(("Mesh", "Sphere"), ("DisplayColor",), ("RectLight",), (), CAMERA, True, False)
@@ -30,8 +32,14 @@ FAMILIES = {
     "film": _resolve_kernel,
     "measured BRDF": lambda: measure_kernel("MeasuredBRDF", ()),
     "outputs": all_outputs,
-    "path": lambda: samples_kernel(CAMERA, (), radiance_function(PLAIN)),
-    "glass": lambda: samples_kernel(CAMERA, (), radiance_function(GLASS)),
+    "rasterized": lambda: samples_kernel(CAMERA, (), RADIANCE["local"](PLAIN), True),
+    **{name: lambda f=function: samples_kernel(CAMERA, (), f(PLAIN)) for name, function in RADIANCE.items()},
+    "poses": lambda: bodies._store_single,
+    "placing": lambda: placing._place_instances,
+    "box of a mesh": lambda: trees._mesh_box,
+    "matrices to clip space": lambda: first_hits._matrices_to_clip,
+    "pixels for rays": lambda: first_hits._box_pixels,
+    "glass": lambda: samples_kernel(CAMERA, (), RADIANCE["path"](GLASS)),
 }
 
 

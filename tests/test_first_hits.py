@@ -90,7 +90,8 @@ def first_hits(scene, camera, visibility):
 
 def edge_distance(renderer, hit, x, y):
     """Pixels from a centre to the nearest edge of the triangle that was hit there."""
-    geometry = renderer._upload.geometries[renderer._upload.record.instances.numpy()["geometry"][hit["instance"]]]
+    upload = renderer._live.upload
+    geometry = upload.parts[upload.rows["geometry"][hit["instance"]]].record
     points = geometry.points.numpy()[geometry.indices.numpy().reshape(-1, 3)[hit["face"]]].astype(float)
     matrix = renderer._first_hits._draws.matrices.numpy()[hit["instance"]]
     clip = np.concatenate([points, np.ones((3, 1))], 1) @ matrix.T
@@ -192,7 +193,8 @@ def test_auto_takes_what_should_be_quicker_and_says_why():
     assert many.visibility == "raster"
     assert "1280 triangles, 518400 pixels" in many.reasons["visibility raster"]
     assert plan_of(scene, camera, pixels=100).visibility == "rays"
-    assert plan_of(scene, camera, outputs=("color",)).visibility == "rays"
+    color = analyse(scene, camera, Request(), camera_light=True)
+    assert color.color_visibility == "rays" and color.reasons["color by rays"] == "paths are made of rays"
 
 
 def test_auto_leaves_clipping_planes_to_rays():

@@ -34,6 +34,8 @@ LOOKS = {
     "glass": wr.PreviewSurface(opacity=0.25, roughness=0.35),
     "present by half": wr.PreviewSurface(opacity=0.5, opacityMode="presence", roughness=0.35),
     "delta coat": wr.PreviewSurface(roughness=0.5, clearcoat=0.7, clearcoatRoughness=0.0),
+    "phong": wr.Phong(diffuseColor=(0.2, 0.5, 0.4), specularColor=(0.3, 0.2, 0.1), exponent=20.0),
+    "phong beyond 1": wr.Phong((9.0,) * 3, (2.0, 1.0, 0.5), (3.0, 1.0, 9.0), exponent=0.5),
     "measured": wr.MeasuredBRDF(lobes()),
     "measured, few cells": wr.MeasuredBRDF(few_cells()),
 }
@@ -77,7 +79,7 @@ def densities(material, wo, wi):
     return evaluated(material, wo, wi)["pdf"]
 
 
-@pytest.mark.parametrize("look", LOOKS)
+@pytest.mark.parametrize("look", [look for look in LOOKS if "phong" not in look])
 def test_light_may_travel_either_way(look):
     a, b = hemisphere(4096, 3), hemisphere(4096, 4)
     there, back = evaluated(LOOKS[look], a, b), evaluated(LOOKS[look], b, a)
@@ -121,6 +123,21 @@ def test_the_stated_largest_albedo_is_one(material, cosine):
     weight = np.where((samples["event"] == PASS)[:, None], 0.0, weights(samples))
     spread = SIGMAS * weight.std(0) / np.sqrt(len(weight))
     assert (weight.mean(0) <= material.largest_albedo() + spread + 2e-3).all()
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.3, 1.0, 7.0, 100.0, 1e5, 1e7])
+@pytest.mark.parametrize("cosine", [1.0, 0.6, 0.05])
+def test_phong_reflects_at_most_its_bound(exponent, cosine):
+    for diffuse, specular in ((0.5, 0.4), (0.0, 1.0), (2.0, 3.0)):
+        material = wr.Phong((1.0,) * 3, (diffuse,) * 3, (specular,) * 3, exponent)
+        weight = weights(sampled(material, towards(cosine), 8192))
+        spread = SIGMAS * weight.std(0) / np.sqrt(len(weight))
+        assert np.isfinite(weight).all()
+        assert (weight.mean(0) <= material.largest_albedo() + spread + 1e-5).all()
+        if cosine == 1.0:
+            # Nothing of the lobe about the normal is lost below the horizon.
+            reflected = diffuse + 2 * specular / (exponent + 1)
+            assert (np.abs(weight.mean(0) - min(1.0, reflected)) <= spread + 1e-5).all()
 
 
 @pytest.mark.parametrize("cosine", [1.0, 0.9, 0.5, 0.123, 0.01, 1e-4])
@@ -174,7 +191,7 @@ def test_roughness_below_a_delta_lobes_is_a_mirror():
 
 
 @pytest.mark.parametrize(
-    "look", ["plastic", "metal", "coated", "glass", "delta coat", "measured", "measured, few cells"]
+    "look", ["plastic", "metal", "coated", "glass", "delta coat", "phong", "measured", "measured, few cells"]
 )
 def test_degenerate_directions_give_numbers(look):
     # S9: no half-vector, grazing to the last bit, and the normal itself.

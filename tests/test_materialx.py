@@ -4,7 +4,9 @@ import zipfile
 
 import numpy as np
 import OpenImageIO as oiio
+import pictures
 import pytest
+import scenes
 from usd_stage import scene_of, stage_of
 
 import warprender as wr
@@ -373,6 +375,11 @@ def test_a_coat_that_is_off_names_nothing():
         (node("n", "add_color3", link("color3f", "in1", "n")), "/m/n: it is connected to itself"),
         (node("n", "image_color3", ""), "/m/n: it names no file; its default is taken"),
         (node("n", "geompropvalue_color3", ""), "/m/n: it names no primvar"),
+        (node("n", "constant_color3", "color3f inputs:value = (nan, 0, 0)\n"), "/m/n: value is not finite"),
+        (
+            node("n", "add_color3", "color3f inputs:in1 = (1, 1, 1)\nfloat2 inputs:in2 = (1, 1)\n"),
+            "/m/n: its inputs do not fit together: operands could not be broadcast together with shapes (1,3) (1,2)",
+        ),
     ],
 )
 def test_nodes_that_cannot_be_drawn_are_named(nodes, message):
@@ -501,3 +508,25 @@ def test_documents_that_cannot_be_read_are_named_in_one_line(tmp_path, content):
     scene = scene_of(f'def Material "P" ( references = @{file}@</MaterialX/Materials/P> ) {{ }}def Sphere "s" {{ }}')
     assert len(scene.warnings) == 1 and "bad.mtlx" in scene.warnings[0] and "\n" not in scene.warnings[0]
     assert "/s" in scene.placements
+
+
+@pytest.mark.parametrize(
+    ("inputs", "surface", "share"),
+    [
+        ("float inputs:specular = 0\nfloat inputs:base = 0.5\ncolor3f inputs:base_color = (1, 0.5, 0.25)",
+         "standard_surface", (0.5, 0.25, 0.125)),
+        ("float inputs:specular_weight = 0\ncolor3f inputs:base_color = (1, 0.5, 0.25)", "open_pbr_surface",
+         (1, 0.5, 0.25)),
+        ("float inputs:specular = 0\nfloat inputs:metallic = 0\ncolor3f inputs:base_color = (1, 0.5, 0.25)", "gltf_pbr",
+         (1, 0.5, 0.25)),
+    ],
+)  # fmt: skip
+def test_without_a_specular_lobe_they_are_lambert_surfaces(inputs, surface, share):
+    scene = scene_of(
+        stage_text(inputs, surface=f"{surface}_surfaceshader").replace(
+            "[(0, 0, 0), (1, 0, 0), (0, 1, 0)]", "[(-9, -9, 0), (9, -9, 0), (0, 9, 0)]"
+        )
+    )
+    scene.add_light(wr.DistantLight(angle=0.0, intensity=np.pi), pose=scenes.look_at((1, 0, 1)))
+    color, _ = pictures.picture(scene, scenes.camera((0, 0, 3), fov=20), 4, 16)
+    np.testing.assert_allclose(color[..., :3], np.broadcast_to(np.sqrt(0.5) * np.array(share), (4, 4, 3)), rtol=3e-6)

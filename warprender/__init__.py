@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         Shaping,
         SphereLight,
     )
-    from .materials import BrdfTable, Dielectric, DisplayColor, MeasuredBRDF, PreviewSurface
+    from .materials import BrdfTable, Dielectric, DisplayColor, MeasuredBRDF, Phong, PreviewSurface
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -60,6 +60,7 @@ _HOMES = {
     "LightTexture": "lights",
     "MeasuredBRDF": "materials",
     "MeshLight": "lights",
+    "Phong": "materials",
     "PortalLight": "lights",
     "PreviewSurface": "materials",
     "PrimvarReader": "textures",
@@ -96,6 +97,7 @@ __all__ = [
     "LightTexture",
     "MeasuredBRDF",
     "MeshLight",
+    "Phong",
     "PortalLight",
     "PreviewSurface",
     "PrimvarReader",

@@ -7,24 +7,29 @@ sizes and colours are runtime values and never in a key.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 
 import numpy as np
 import warp as wp
 
 from .camera import Camera
 from .denoise import GUIDES
-from .emitters import lit
+from .emitters import emits, lit
 from .lights import Light
 from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS, TRANSMITTING, DisplayColor
 from .materials.inputs import FEATURES, NORMAL
-from .outputs import FILM_OUTPUTS, OUTPUTS, of_first_hits, of_samples
+from .outputs import FILM_OUTPUTS, OUTPUTS, of_first_hits, of_samples, term_of, terms_of
 from .scene import Placement, Scene, SceneError, materials_of
 from .shapes import SHAPES, Mesh, Primvar, Sdf
 from .textures import Texture
 
-TRANSPORTS = ("none", "path")
+#: The transports: from none to all light, and how each goes on.
+TRANSPORTS = ("none", "local", "direct", "whitted", "path")
+#: Those that see one surface a ray: they follow no bounce.
+ONE_SURFACE = ("local", "direct")
+#: Those that add up the lights at a surface, and reflect no other light in its rough parts.
+LIGHT_BY_LIGHT = ("local", "direct", "whitted")
 VISIBILITIES = ("rays", "raster", "painter")
 
 #: Nanoseconds of one CPU thread, measured at 1280×720 with 100,000 and a million triangles, a quarter of the picture
@@ -41,6 +46,8 @@ LIGHT_EFFECTS = {
 
 #: Share of the emitted light that may be lost to the end of paths when no number of bounces is given.
 BOUNCE_TOLERANCE = 1e-4
+#: Perfect reflections and refractions that "whitted" follows when no number of bounces is given.
+WHITTED_BOUNCES = 8
 #: Paths never reflect more often than this.
 MOST_BOUNCES = 256
 
@@ -58,6 +65,7 @@ class PathKey:
     straight_through: bool
     features: tuple[str, ...] = ()
     sdfs: tuple[wp.Function, ...] = ()
+    terms: bool = False
 
 
 @dataclass(frozen=True)
@@ -96,9 +104,10 @@ class RenderPlan:
     """The answer of `analyse`.
 
     Attributes:
-        transport: "none" or "path".
-        visibility: "rays", "raster" or "painter": how the AOVs' first hits are found. Paths are made of rays.
-        path: key of the path-tracing kernel, None when no colour is asked for.
+        transport: one of `TRANSPORTS`.
+        visibility: "rays", "raster" or "painter": how the AOVs' first hits are found.
+        color_visibility: the same of colour.
+        path: key of the transport's kernel, None when no colour is asked for.
         outputs: key of the AOV kernel, None when no AOV is asked for.
         reasons: effect to the prim or flag that called for it.
         absent: effect to what would call for it.
@@ -107,6 +116,7 @@ class RenderPlan:
 
     transport: str
     visibility: str
+    color_visibility: str
     path: PathKey | None
     outputs: OutputsKey | None
     reasons: dict[str, str] = field(default_factory=dict)
@@ -115,13 +125,33 @@ class RenderPlan:
 
     def explain(self) -> str:
         """A few lines for people: what runs, why, and what would call for the rest."""
-        lines = [f"transport   {self.transport}", f"visibility  {self.visibility}", "", "in this picture"]
+        lines = [f"transport   {self.transport}", "", "in this picture"]
         width = max((len(name) for name in (*self.reasons, *self.absent)), default=0)
         lines += [f"  {name:{width}}  {reason}" for name, reason in self.reasons.items()]
         lines += ["", "left out, with what would call for it"]
         lines += [f"  {name:{width}}  {reason}" for name, reason in self.absent.items()]
         lines += ["", "bounds"] + [f"  {name:{width}}  {value:g}" for name, value in self.bounds.items()]
         return "\n".join(lines)
+
+    def kept_from(self, before: RenderPlan, camera: Camera) -> RenderPlan:
+        """This plan with the kernels of an earlier one of the same request, as far as they draw what it asks for.
+
+        So nothing is compiled because something went, or came back.
+        """
+        alike = before.transport == self.transport
+        path = before.path if alike and covers(before.path, self.path) else self.path
+        outputs = before.outputs if covers(before.outputs, self.outputs) else self.outputs
+        # Both kernels must number the distance functions alike.
+        if path is None or outputs is None or path.sdfs == outputs.sdfs:
+            self.path, self.outputs = path, outputs
+        if "clippingPlanes" not in camera.effects() and self.visibility != before.visibility:
+            self.reasons.pop(f"visibility {self.visibility}", "")
+            self.visibility = before.visibility
+            self.reasons[f"visibility {self.visibility}"] = "as before"
+        if self.color_visibility != "rays" and before.color_visibility == "rays":
+            self.reasons.pop(f"color by {self.color_visibility}", "")
+            self.color_visibility, self.reasons["color by rays"] = "rays", "as before"
+        return self
 
     @property
     def sdfs(self) -> tuple[wp.Function, ...]:
@@ -155,17 +185,21 @@ def analyse(
         SceneError: an output, transport or visibility that does not exist.
     """
     _check(request)
-    transport = request.transport
-    if transport == "auto":
-        transport = "path" if of_samples(request.outputs) else "none"
+    lights = lit(scene, camera_light) if of_samples(request.outputs) else {}
+    transport, called_for = _transport(scene, request, lights)
+    passing = _straight_through(scene)
     visibility, why = _visibility(scene, camera, request, pixels)
-    plan = RenderPlan(transport, visibility, None, None, {f"visibility {visibility}": why})
+    color_visibility, why_color = _color_visibility(scene, camera, request, pixels, transport, passing)
+    plan = RenderPlan(transport, visibility, color_visibility, None, None, {f"transport {transport}": called_for})
+    if of_first_hits(request.outputs):
+        plan.reasons[f"visibility {visibility}"] = why
+    if of_samples(request.outputs):
+        plan.reasons[f"color by {color_visibility}"] = why_color
     shapes = _effects(plan, "shape", {s.__name__ for s in SHAPES}, _shape_callers(scene), "a prim of this kind")
     materials = _effects(
         plan, "material", {m.__name__ for m in MATERIALS}, _material_callers(scene), "a prim bound to one"
     )
     features = _material_features(plan, scene, request)
-    passing = _straight_through(scene)
     _note(plan, "straight through", passing, "an opacity below 1")
     effects = camera.effects()
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
@@ -180,16 +214,52 @@ def analyse(
     if aovs:
         pinhole = tuple(e for e in effects if e != "lens")
         plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features, sdfs)
-    if transport == "path" and of_samples(request.outputs):
-        lights = lit(scene, camera_light)
+    if of_samples(request.outputs):
         kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
-        sampled = any(light.power(1.0) > 0 for light in lights.values())
-        why = "lights that can be aimed at" if sampled else ""
-        _note(plan, "shadow rays", why, "a light other than a dome")
+        sampled = any(light.power(1.0) > 0 for light in lights.values()) and _last_term(request) != 0
+        if transport == "local":
+            plan.absent["shadow rays"] = "another transport than local"
+        else:
+            why = "lights that can be aimed at" if sampled else ""
+            _note(plan, "shadow rays", why, "a light other than a dome")
         light_effects = _light_effects(plan, lights)
-        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs)
+        terms = terms_of(request.outputs)
+        named = ", ".join(f"color:{number}" for number in terms)
+        _note(plan, "single terms", f"{named} asked for" if named else "", "--aov color:0, color:1, …")
+        plan.path = PathKey(
+            shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs, bool(terms)
+        )
         _bound_bounces(plan, scene, request)
     return plan
+
+
+def _transport(scene: Scene, request: Request, lights: dict[str, Light]) -> tuple[str, str]:
+    """The transport, and why: with "auto" the cheapest that leaves out nothing that the scene calls for."""
+    if request.transport != "auto":
+        return request.transport, "asked for"
+    if not of_samples(request.outputs):
+        return "none", "no color is asked for"
+    if not lights and not any(emits(scene, placement) for placement in scene.placements.values()):
+        return "local", "nothing gives light"
+    if _largest_albedo(scene, request) <= 0.0:
+        return "local", "nothing reflects light"
+    return "path", "surfaces reflect light to each other"
+
+
+def _color_visibility(
+    scene: Scene, camera: Camera, request: Request, pixels: int, transport: str, passing: str
+) -> tuple[str, str]:
+    """How the first hits of colour are found, and why. Rays where the rasterizer cannot see what they do."""
+    for reason, applies in (
+        ("the camera has depth of field", "lens" in camera.effects()),
+        (f"{passing} lets paths straight through", passing and transport == "path"),
+        ("paths are made of rays", transport == "path" and request.visibility == "auto"),
+        ("the camera has clippingPlanes", "clippingPlanes" in camera.effects()),
+        (f"{_sdf(scene)} is a signed distance function", request.visibility == "auto" and _sdf(scene)),
+    ):
+        if applies:
+            return "rays", reason
+    return _cheaper(scene, request, pixels)
 
 
 def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> tuple[str, str]:
@@ -203,21 +273,42 @@ def _visibility(scene: Scene, camera: Camera, request: Request, pixels: int) -> 
     if request.visibility == "painter" and other:
         kind = type(scene.placements[other].shape).__name__
         raise SceneError(f"visibility 'painter' draws triangles alone, and {other} is a {kind.lower()}")
-    sdf = next((path for path, p in scene.placements.items() if isinstance(p.shape, Sdf)), "")
     if request.visibility in ("raster", "painter") and only_rays:
         raise SceneError(f"visibility {request.visibility!r}: {only_rays}, which only rays can follow")
+    if request.visibility == "auto" and _sdf(scene):
+        only_rays = only_rays or f"{_sdf(scene)} is a signed distance function"
+    return ("rays", only_rays) if only_rays else _cheaper(scene, request, pixels)
+
+
+def _sdf(scene: Scene) -> str:
+    """The first prim that is a signed distance function, or ""."""
+    return next((path for path, p in scene.placements.items() if isinstance(p.shape, Sdf)), "")
+
+
+def _cheaper(scene: Scene, request: Request, pixels: int) -> tuple[str, str]:
+    """What is asked for, or what should take less time, where both show the same."""
     if request.visibility != "auto":
         return request.visibility, "asked for"
-    if only_rays or not of_first_hits(request.outputs):
-        return "rays", only_rays or "color is made of rays"
-    if sdf:
-        return "rays", f"{sdf} is a signed distance function"
     faces = sum(
         len(p.shape.triangles) * len(p.transforms) for p in scene.placements.values() if isinstance(p.shape, Mesh)
     )
     rays, raster = pixels * RAY_COST, pixels * PIXEL_COST + faces * TRIANGLE_COST
     milliseconds = f"about {1e-6 * raster:.3g} ms of one thread by raster, {1e-6 * rays:.3g} ms by rays"
     return "raster" if raster < rays else "rays", f"{faces} triangles, {pixels} pixels: {milliseconds}"
+
+
+def covers(wide: PathKey | OutputsKey | None, narrow: PathKey | OutputsKey | None) -> bool:
+    """Whether the kernel of one key draws all that another key asks for, to the bit: it has more compiled in."""
+    if wide is None or narrow is None:
+        return wide is narrow
+    for part in fields(wide):
+        more, less = getattr(wide, part.name), getattr(narrow, part.name)
+        if part.name == "outputs" or not isinstance(more, (tuple, bool)):
+            if more != less:
+                return False
+        elif (less and not more) if isinstance(more, bool) else not set(less) <= set(more):
+            return False
+    return True
 
 
 def everything() -> PathKey:
@@ -231,14 +322,16 @@ def everything() -> PathKey:
         sampled_lights=True,
         straight_through=True,
         features=FEATURES,
+        terms=True,
     )
 
 
 def check_outputs(names: tuple[str, ...]) -> None:
     """Raise a SceneError at the first name that is no output."""
     for name in names:
-        if name not in OUTPUTS and name not in FILM_OUTPUTS and name != "color":
-            raise SceneError(f"output {name!r} is not one of color, {', '.join((*OUTPUTS, *FILM_OUTPUTS))}")
+        if name not in OUTPUTS and name not in FILM_OUTPUTS and name != "color" and term_of(name) is None:
+            known = ", ".join((*OUTPUTS, *FILM_OUTPUTS))
+            raise SceneError(f"output {name!r} is not one of color, color:0, color:1, …, {known}")
 
 
 def _check(request: Request) -> None:
@@ -256,6 +349,8 @@ def _check(request: Request) -> None:
         raise SceneError("denoising is of color, which is not among the outputs")
     if request.bounces is not None and request.bounces < 0:
         raise SceneError(f"bounces must be 0 or more, not {request.bounces}")
+    if request.bounces and request.transport in ONE_SURFACE:
+        raise SceneError(f"bounces {request.bounces}: transport {request.transport!r} follows none")
 
 
 def _note(plan: RenderPlan, effect: str, reason: str, caller: str) -> None:
@@ -356,7 +451,8 @@ def _straight_through(scene: Scene) -> str:
     return ""
 
 
-def _largest_albedo(scene: Scene) -> float:
+def _largest_albedo(scene: Scene, request: Request) -> float:
+    """Upper bound on the reflected share of light over all surfaces; 1 where compensation may add to it."""
     albedo = 0.0
     for placement in scene.placements.values():
         for key in materials_of(placement):
@@ -364,12 +460,28 @@ def _largest_albedo(scene: Scene) -> float:
             colors = _primvar(scene, placement, key, "displayColor")
             if colors is not None and len(colors.values):
                 albedo = max(albedo, float(np.nanmax(colors.values)))
-    return min(albedo, 1.0)
+    return 1.0 if request.energy_compensation and albedo > 0.0 else min(albedo, 1.0)
+
+
+def _last_term(request: Request) -> int | None:
+    """The highest term that is asked for, None where color with all of them is."""
+    terms = terms_of(request.outputs)
+    of_all = any(name == "color" or name in FILM_OUTPUTS for name in request.outputs)
+    return terms[-1] if terms and not of_all else None
 
 
 def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
-    """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted."""
-    albedo = 1.0 if request.energy_compensation else _largest_albedo(scene)
+    """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted.
+
+    Single terms of color follow no bounce behind the last; -1 bounces are emission alone.
+    """
+    if plan.transport in ONE_SURFACE:
+        plan.bounds = {"bounces": 0}
+        return
+    if plan.transport == "whitted":
+        plan.bounds = {"bounces": WHITTED_BOUNCES if request.bounces is None else request.bounces}
+        return
+    albedo = _largest_albedo(scene, request)
     bounces = request.bounces
     if bounces is None:
         bounces = MOST_BOUNCES
@@ -378,5 +490,9 @@ def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
         elif albedo < 1.0:
             needed = math.log(BOUNCE_TOLERANCE * (1.0 - albedo)) / math.log(albedo) - 1.0
             bounces = int(min(MOST_BOUNCES, max(0, math.ceil(needed))))
+    last = _last_term(request)
+    if last is not None:
+        # Term n is what n - 1 bounces bring; for term 0 nothing is scattered.
+        bounces = min(bounces, last - 1)
     unfollowed = albedo ** (bounces + 1) / (1.0 - albedo) if albedo < 1.0 else math.inf
     plan.bounds = {"albedo": albedo, "bounces": bounces, "unfollowed": unfollowed}

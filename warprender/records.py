@@ -12,6 +12,11 @@ from .numerics import mat34
 #: Kinds of `Geometry`.
 MESH, SPHERE = 0, 1
 
+#: `Instance.placed` of what is hidden or has no usable transform; its `to_object` is zero, which no ray enters.
+NOT_DRAWN = 2
+#: `Instance.placed` where `to_object` moves points and no more.
+MOVED = 3
+
 #: Number of inputs that a material row has room for.
 MATERIAL_INPUTS = 16
 
@@ -63,7 +68,8 @@ class Bsdf:
     """A material's inputs resolved at a surface. Each kind reads the fields that its own file fills.
 
     `present` scales all that the surface does to light but let it through; `cover` is the share of it that the
-    diffuse part, already scaled by it, leaves to nothing else. `table` indexes `DeviceScene.brdfs`.
+    diffuse part, already scaled by it, leaves to nothing else. `ambient` is reflected of every light by the transports
+    that add up lights one by one, and by no other. `table` indexes `DeviceScene.brdfs`.
 
     `eta` is the index of refraction beyond the surface over that on the viewer's side, 0 for what does not refract;
     `transmission` is the factor of what crosses, `absorption` that of the medium inside per scene unit, and `thin` is
@@ -72,6 +78,7 @@ class Bsdf:
 
     kind: wp.int32
     emission: wp.vec3
+    ambient: wp.vec3
     diffuse: wp.vec3
     f0: wp.vec3
     f90: wp.vec3
@@ -149,12 +156,12 @@ class Geometry:
 
 @wp.struct
 class Instance:
-    """One geometry, placed in the world."""
+    """One geometry, placed in the world; matrices for column vectors. The tree's scale is in `to_object`."""
 
     to_object: mat34
     to_world: mat34
     geometry: wp.int32
-    placed: wp.int32  # 0 where to_object is the identity, 1 where it only moves, 2 elsewhere
+    placed: wp.int32  # 0 where to_object is the identity, MOVED, NOT_DRAWN, or 1 for anything else
 
 
 @wp.struct
@@ -399,24 +406,22 @@ class GeometryRecord:
 
 @wp.struct
 class InstanceRecord:
-    """A placed shape: world = linear object + translation. `material` -1 asks the geometry's `face_material`.
-
-    `light` is the light that it is, where it glows and next-event estimation aims at it; -1 otherwise.
+    """What a placed shape is; where it is stands in `World.instances`. `material` -1 asks the geometry's
+    `face_material`. `light` is the light that it is, where it glows and next-event estimation aims at it; else -1.
     """
 
     geometry: wp.int32
     material: wp.int32
     prim: wp.int32
     instance_id: wp.int32
-    linear: wp.mat33
-    inverse: wp.mat33
-    translation: wp.vec3
     light: wp.int32
 
 
 @wp.struct
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
+
+    `local_reflection` is 1 where lights are added up one by one and rough lobes reflect nothing else.
 
     `sdf_instances` are the numbers of the instances that are signed distance functions.
 
@@ -438,6 +443,7 @@ class DeviceScene:
     materials: wp.array(dtype=MaterialRecord)
     albedo: wp.array2d(dtype=wp.vec4)
     energy_compensation: wp.int32
+    local_reflection: wp.int32
     inputs: wp.array(dtype=InputRecord)
     pictures: wp.array(dtype=PictureRecord)
     levels: wp.array(dtype=LevelRecord)

@@ -142,13 +142,15 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
         "--transport",
         default="auto",
         metavar="NAME",
-        help="path (path tracing), none (no color, other outputs alone) or auto (default: auto, none without color)",
+        help="how light gets to the camera: none (no color, other outputs alone), local (each light reflected once, no "
+        "shadows), direct (the same with shadows), whitted (perfect reflection and refraction too), path (all light) "
+        "or auto: none, local or path, the first that leaves out nothing (default: auto)",
     )
     group.add_argument(
         "--visibility",
         default="auto",
         metavar="NAME",
-        help="how outputs other than color see: rays, raster, painter or auto (default: auto)",
+        help="how first surfaces are found: rays, raster, painter or auto, what takes less time (default: auto)",
     )
     group.add_argument(
         "--samples",

@@ -313,10 +313,17 @@ def met_function(key: PathKey) -> wp.Function:
 
 
 @cache
-def aimed_function(key: PathKey) -> wp.Function:
-    """`aimed(scene, surface, bsdf, around, tangent, wo, sample, step) -> Met`: scattered light of one, aimed at.
+def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Function:
+    """`from_light(scene, surface, bsdf, around, tangent, wo, light, probability, u) -> Met`: one light, scattered.
 
-    `count` says whether a shadow ray was traced. `around` is the absorption of the medium on the viewer's side.
+    One sample of the light (of one leaf, where it has many), chosen with a probability. `count` says whether a shadow
+    ray was traced. `around` is the absorption of the medium on the viewer's side.
+
+    Args:
+        key: of the kernel.
+        weighted: whether directions that are drawn from the material may meet the light as well.
+        shadows: whether what is in the way keeps the light off; without them, lights count that are below the
+            geometric horizon alone, and the ambient part of a material reflects every light.
     """
     sample_light, _ = light_functions(key.lights)
     prepare, evaluate, _ = material_functions(key.materials, key.features)
@@ -326,6 +333,81 @@ def aimed_function(key: PathKey) -> wp.Function:
     glow = bool(set(GLOWING) & set(key.lights))
     linking = "linking" in key.light_effects
     transmission = "transmission" in key.features
+
+    @wp.func
+    def from_light(
+        scene: DeviceScene,
+        surface: Surface,
+        bsdf: Bsdf,
+        around: wp.vec3,
+        tangent: wp.vec3,
+        wo: wp.vec3,
+        light: LightRecord,
+        probability: float,
+        u: wp.vec2,
+    ) -> Met:
+        nothing = Met()
+        if wp.static(linking):
+            if not is_linked(scene, light.links, scene.instances[surface.hit.instance].prim):
+                return nothing
+        towards = sample_light(scene, light, surface.position, u)
+        if towards.pdf <= 0.0:
+            return nothing
+        local = to_frame(tangent, surface.normal, towards.direction)
+        if wp.static(shadows):
+            if is_across(surface, local, towards.direction):
+                return nothing
+        value = evaluate(scene, bsdf, wo, local)
+        response = value.diffuse * light.diffuse + value.specular * light.specular
+        if wp.static(not weighted):
+            if wp.static(not shadows) or local[2] > 0.0:
+                response += bsdf.ambient * light.diffuse
+        if max_component(response) <= 0.0:
+            return nothing
+        radiance = towards.radiance
+        ray = shadow_ray(surface, towards)
+        if wp.static(glow):
+            if towards.hit.instance >= 0:
+                own = towards.hit.instance == surface.hit.instance and towards.hit.face == surface.hit.face
+                if own and light.kind != _GLOWING_SPHERE:
+                    # A triangle does not light itself: rounding alone would say that it does.
+                    return nothing
+                source = shading_at(scene, ray, towards.hit, surface.footprint)
+                radiance = emitted(light, source, prepare(scene, source).emission)
+                ray = ray_between(surface, source)
+        radiance = wp.cw_mul(radiance, shape(scene, light, towards.direction))
+        if max_component(radiance) <= 0.0:
+            return nothing
+        density = towards.pdf * probability
+        weight = wp.float32(1.0)
+        if wp.static(weighted):
+            # Rays that hit geometry see its light as light goes: where shadows are changed they leave it to this way.
+            alone = towards.delta != 0 or (towards.hit.instance >= 0 and light.shadow != SHADOW_PLAIN)
+            if not alone:
+                weight = power_heuristic(density, value.pdf)
+        if wp.static(transmission):
+            medium = medium_towards(surface, bsdf, around, towards.direction)
+            radiance = wp.cw_mul(radiance, transmittance(medium, towards.distance))
+        result = Met()
+        if wp.static(shadows):
+            arriving = wp.cw_mul(radiance, shadow(scene, light, ray, surface.footprint)) * (weight / density)
+            result.radiance = wp.cw_mul(response, arriving)
+            result.count = 1
+        else:
+            result.radiance = wp.cw_mul(response, radiance) * (weight / density)
+        return result
+
+    return from_light
+
+
+@cache
+def aimed_function(key: PathKey) -> wp.Function:
+    """`aimed(scene, surface, bsdf, around, tangent, wo, sample, step) -> Met`: scattered light of one, aimed at.
+
+    `count` says whether a shadow ray was traced. `around` is the absorption of the medium on the viewer's side.
+    """
+    from_light = from_light_function(key, True, True)
+    transmission, glow = "transmission" in key.features, bool(set(GLOWING) & set(key.lights))
 
     @wp.func
     def aimed(
@@ -338,52 +420,18 @@ def aimed_function(key: PathKey) -> wp.Function:
         sample: SampleStream,
         step: int,
     ) -> Met:
-        nothing = Met()
         u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
         normal = surface.geometric_normal
         if wp.static(transmission):
             normal = light_normal(surface, bsdf)
         choice = choose_light(scene, surface.position, normal, u)
         if choice.index < 0:
-            return nothing
+            return Met()
         light = scene.lights[choice.index]
         if wp.static(glow):
             light = narrowed(scene, light, choice.leaf)
-        if wp.static(linking):
-            if not is_linked(scene, light.links, scene.instances[surface.hit.instance].prim):
-                return nothing
-        towards = sample_light(scene, light, surface.position, random_pair(sample, step, DIMENSION_LIGHT))
-        local = to_frame(tangent, surface.normal, towards.direction)
-        if towards.pdf <= 0.0 or is_across(surface, local, towards.direction):
-            return nothing
-        value = evaluate(scene, bsdf, wo, local)
-        response = value.diffuse * light.diffuse + value.specular * light.specular
-        if max_component(response) <= 0.0:
-            return nothing
-        radiance = towards.radiance
-        ray = shadow_ray(surface, towards)
-        if wp.static(glow):
-            if towards.hit.instance >= 0:
-                source = shading_at(scene, ray, towards.hit, surface.footprint)
-                radiance = emitted(light, source, prepare(scene, source).emission)
-                ray = ray_between(surface, source)
-        radiance = wp.cw_mul(radiance, shape(scene, light, towards.direction))
-        if max_component(radiance) <= 0.0:
-            return nothing
-        density = towards.pdf * choice.probability
-        weight = wp.float32(1.0)
-        # Rays that hit geometry see its light as light goes: where shadows are changed they leave it to this way.
-        alone = towards.delta != 0 or (towards.hit.instance >= 0 and light.shadow != SHADOW_PLAIN)
-        if not alone:
-            weight = power_heuristic(density, value.pdf)
-        if wp.static(transmission):
-            medium = medium_towards(surface, bsdf, around, towards.direction)
-            radiance = wp.cw_mul(radiance, transmittance(medium, towards.distance))
-        arriving = wp.cw_mul(radiance, shadow(scene, light, ray, surface.footprint)) * (weight / density)
-        result = Met()
-        result.radiance = wp.cw_mul(response, arriving)
-        result.count = 1
-        return result
+        u = random_pair(sample, step, DIMENSION_LIGHT)
+        return from_light(scene, surface, bsdf, around, tangent, wo, light, choice.probability, u)
 
     return aimed
 

@@ -13,10 +13,10 @@ import warp as wp
 
 from ..camera import camera_ray_function, pixel_cone
 from ..color import luminance
-from ..film import FilmRecord, filter_offset
+from ..film import FilmRecord, Terms, end_sample, filter_offset
 from ..launch import launch
 from ..numerics import is_finite
-from ..records import CameraRecord, DeviceScene
+from ..records import CameraRecord, DeviceScene, Hit
 from ..sampling import DIMENSION_LENS, DIMENSION_PIXEL, REPLICATES, random_pair, sample_stream
 from ..visibility.sdf import ray_functions
 from .lighting import Visible
@@ -28,7 +28,11 @@ FOOTPRINT = wp.constant(wp.float32(0.25))
 
 @wp.struct
 class PathRequest:
-    """Runtime values of a pass: which samples, how many bounces, which lights the camera sees."""
+    """Runtime values of a pass: which samples, how many bounces, which lights the camera sees.
+
+    Where the first hits are rasterized, `hits` (H, W) has them, of rays at `offset` pixels from the pixels' centres.
+    A transport brings what it adds to radiance to `terms` as well.
+    """
 
     seed: wp.uint32
     first_sample: wp.int32
@@ -36,25 +40,40 @@ class PathRequest:
     sobol: wp.int32
     bounces: wp.int32
     visible: Visible
+    hits: wp.array2d(dtype=Hit)
+    offset: wp.vec2
+    terms: Terms
 
 
 @wp.struct
 class PathResult:
-    """Radiance of one camera ray, its alpha, and the rays traced after its first hit: (0, bounce, shadow)."""
+    """Radiance of one camera ray, its alpha, and the rays traced after its first hit: (0, bounce, shadow).
+
+    `unfollowed` counts rays that the transport had no room for.
+    """
 
     radiance: wp.vec3
     alpha: wp.float32
     rays: wp.vec3i
+    unfollowed: wp.int32
 
 
 @cache
-def samples_kernel(camera_effects: tuple[str, ...], sdfs: tuple[wp.Function, ...], radiance: wp.Function) -> wp.Kernel:
+def samples_kernel(
+    camera_effects: tuple[str, ...],
+    sdfs: tuple[wp.Function, ...],
+    radiance: wp.Function,
+    rasterized: bool = False,
+    terms: bool = False,
+) -> wp.Kernel:
     """The kernel of a transport; item i is pixel i in rows from the top, which no other item writes.
 
     Args:
         camera_effects: by name.
         sdfs: the signed distance functions that occur.
         radiance: from a factory that is cached on its key: the same function gives the same kernel.
+        rasterized: whether the first hits are known; such a pass has one sample.
+        terms: whether single terms are kept, as `radiance` was made for.
     """
     camera_ray = camera_ray_function(camera_effects)
     closest, _, _ = ray_functions(sdfs)
@@ -69,14 +88,30 @@ def samples_kernel(camera_effects: tuple[str, ...], sdfs: tuple[wp.Function, ...
         replicates = film.replicates[y, x]
         rays = film.rays[y, x]
         kept = wp.int32(0)
+        unfollowed = film.unfollowed[y, x]
         for s in range(request.samples):
             sample = sample_stream(request.seed, pixel, request.first_sample + s, request.sobol)
             u = random_pair(sample, -1, DIMENSION_PIXEL)
-            px = wp.float32(x) + 0.5 + filter_offset(film.filter_table, u[0])
-            py = wp.float32(y) + 0.5 + filter_offset(film.filter_table, u[1])
+            px = wp.float32(x) + 0.5
+            py = wp.float32(y) + 0.5
+            if wp.static(rasterized):
+                px += request.offset[0]
+                py += request.offset[1]
+            else:
+                px += filter_offset(film.filter_table, u[0])
+                py += filter_offset(film.filter_table, u[1])
             ray = camera_ray(camera, px, py, random_pair(sample, -1, DIMENSION_LENS))
-            result = radiance(scene, request, ray, closest(scene, ray), pixel_cone(camera) * FOOTPRINT, sample)
-            rays += wp.vec3i(1, 0, 0) + result.rays
+            hit = Hit()
+            if wp.static(rasterized):
+                hit = request.hits[y, x]
+            else:
+                hit = closest(scene, ray)
+                rays += wp.vec3i(1, 0, 0)
+            result = radiance(scene, request, ray, hit, pixel_cone(camera) * FOOTPRINT, sample)
+            rays += result.rays
+            unfollowed += result.unfollowed
+            if wp.static(terms):
+                end_sample(request.terms, pixel, is_finite(result.radiance))
             if is_finite(result.radiance):
                 value = wp.vec3d(
                     wp.float64(result.radiance[0]),
@@ -91,6 +126,7 @@ def samples_kernel(camera_effects: tuple[str, ...], sdfs: tuple[wp.Function, ...
         film.squares[y, x] = squares
         film.replicates[y, x] = replicates
         film.rays[y, x] = rays
+        film.unfollowed[y, x] = unfollowed
         film.samples[y, x] = film.samples[y, x] + kept
         film.dropped[y, x] = film.dropped[y, x] + request.samples - kept
 
@@ -98,9 +134,7 @@ def samples_kernel(camera_effects: tuple[str, ...], sdfs: tuple[wp.Function, ...
 
 
 def launch_samples(
-    camera_effects: tuple[str, ...],
-    sdfs: tuple[wp.Function, ...],
-    radiance: wp.Function,
+    kernel: wp.Kernel,
     scene: DeviceScene,
     camera: CameraRecord,
     request: PathRequest,
@@ -109,7 +143,6 @@ def launch_samples(
     threads: int | None,
     pixels: int | None = None,
 ) -> None:
-    """Add `request.samples` samples of a transport to the first `pixels`, None for every pixel."""
-    kernel = samples_kernel(camera_effects, sdfs, radiance)
+    """Add `request.samples` samples to the first `pixels`, None for all, by a kernel of `samples_kernel`."""
     count = camera.width * camera.height if pixels is None else pixels
     launch(kernel, count, [scene, camera, request, film], device, threads)

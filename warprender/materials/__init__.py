@@ -4,12 +4,13 @@ from .brdf_table import BrdfTable
 from .dielectric import Dielectric
 from .display_color import DisplayColor
 from .measured_brdf import MeasuredBRDF
+from .phong import Phong
 from .preview_surface import PreviewSurface
 
-Material = DisplayColor | PreviewSurface | MeasuredBRDF | Dielectric
+Material = DisplayColor | PreviewSurface | MeasuredBRDF | Dielectric | Phong
 
 #: Material kinds in the order of their ids on the device.
-MATERIALS = (DisplayColor, PreviewSurface, MeasuredBRDF, Dielectric)
+MATERIALS = (DisplayColor, PreviewSurface, MeasuredBRDF, Dielectric, Phong)
 #: Those that send light on beyond the surface in other directions than straight through.
 TRANSMITTING = (Dielectric,)
 
@@ -21,5 +22,6 @@ __all__ = [
     "DisplayColor",
     "Material",
     "MeasuredBRDF",
+    "Phong",
     "PreviewSurface",
 ]

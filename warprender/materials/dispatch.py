@@ -11,10 +11,10 @@ from functools import cache
 import warp as wp
 
 from ..records import Bsdf, BsdfSample, BsdfValue, DeviceScene, Surface
-from . import MATERIALS, dielectric, display_color, measured_brdf, preview_surface
+from . import MATERIALS, dielectric, display_color, measured_brdf, phong, preview_surface
 
 #: Module of each kind in `MATERIALS`, with its `prepare_function`, `evaluate` and `sample`.
-MODULES = (display_color, preview_surface, measured_brdf, dielectric)
+MODULES = (display_color, preview_surface, measured_brdf, dielectric, phong)
 
 
 def kind_of(name: str) -> int:

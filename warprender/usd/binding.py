@@ -90,7 +90,7 @@ class Bindings:
         prim = material.GetPrim()
         source = shared_prim(prim).GetPath()
         if source not in self._reads:
-            result = read_material(self._reading, material)
+            result = self._reading.attempt(prim, read_material, material)
             self._reads[source] = str(prim.GetPath()) if result is not None else ""
             if result is not None:
                 self._reading.scene.materials[str(prim.GetPath())] = result

@@ -7,7 +7,7 @@ from dataclasses import Field, fields, replace
 import numpy as np
 from pxr import Tf, UsdShade
 
-from ..materials import Dielectric, Material, MeasuredBRDF, PreviewSurface
+from ..materials import Dielectric, Material, MeasuredBRDF, Phong, PreviewSurface
 from ..materials.inputs import Varying
 from .materialx.inputs import resolve
 from .materialx.surfaces import displacement_input, is_node, is_surface, read_surface
@@ -21,6 +21,7 @@ KINDS = {
     "UsdPreviewSurface": PreviewSurface,
     "ND_UsdPreviewSurface_surfaceshader": PreviewSurface,
     "warprender:Dielectric": Dielectric,
+    "warprender:Phong": Phong,
 }
 #: Inputs that mean nothing at 0 and below.
 ABOVE_ZERO = {Dielectric: ("ior", "attenuationDistance")}

@@ -870,7 +870,7 @@ struct Geometry {
 struct Instance {
     float to_object[3][4], to_world[3][4];
     int geometry;
-    int placed;  // 0: to_object is the identity, 1: it only moves, 2: anything
+    int placed;  // 0: to_object is the identity, 3: it only moves; records.MOVED
 };
 struct World {
     const Geometry* geometries;
@@ -883,7 +883,7 @@ struct World {
     WR_FN bool enter(const Lane& ray, const Instance& place, Lane& local)
     {
         float m = 0.0f, check = 0.0f;
-        if (place.placed == 1) {
+        if (place.placed == 3) {
             local = ray;
             for (int k = 0; k < 3; ++k) {
                 local.o[k] = ray.o[k] + place.to_object[k][3];

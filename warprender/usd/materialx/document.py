@@ -12,7 +12,9 @@ import posixpath
 import MaterialX as mx
 from pxr import Ar, Sdf, Tf, Usd, UsdShade
 
-ROOT, MATERIALS = "/MaterialX", "/MaterialX/Materials"
+from .references import ROOT
+
+MATERIALS = f"{ROOT}/Materials"
 #: USD's types of MaterialX's.
 _TYPES = {
     "float": "float", "integer": "int", "boolean": "bool", "color3": "color3f", "color4": "color4f",

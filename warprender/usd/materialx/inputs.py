@@ -19,7 +19,7 @@ from ...texels import decoded as decoded_texels
 from ...texels import is_srgb, picture_range, rgba
 from ...texture_lookup import sampled
 from ...textures import PrimvarReader, Texture, as_picture
-from ..reading import Reading
+from ..reading import Reading, one_line
 from .network import Evaluation, ImageLeaf, Leaf, PrimvarLeaf, Undrawable
 from .nodes import Values, converted
 
@@ -46,6 +46,8 @@ def resolve(reading: Reading, prim: Usd.Prim, function: Function, width: int) ->
         return _Input(reading, prim, lambda passing: converted(function(passing), width), width, images).resolved()
     except Undrawable as error:
         reading.remark(error.prim, error.message)
+    except (ValueError, IndexError) as error:
+        reading.remark(prim, f"its inputs do not fit together: {one_line(error)}")
     return None
 
 

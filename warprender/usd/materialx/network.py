@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from ...textures import Texture
-from ..reading import Reading
+from ..reading import Reading, one_line
 from ..textures import asset_file, is_output, producer
 from . import spaces
 from .nodes import NODES, SWIZZLE, Values, column, converted, placed
@@ -109,8 +109,11 @@ class Evaluation:
     def _computed(self, output: Usd.Attribute) -> Values:
         node = UsdShade.Shader(output.GetPrim())
         category = category_of(node)
-        with np.errstate(all="ignore"):
-            values = self._node_values(node, category)
+        try:
+            with np.errstate(all="ignore"):
+                values = self._node_values(node, category)
+        except (ValueError, IndexError) as error:
+            raise Undrawable(node.GetPrim(), f"its inputs do not fit together: {one_line(error)}") from None
         name = str(output.GetBaseName())
         component = _COMPONENTS.get(name.removeprefix("out"))
         if component is not None and name != "out":

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 
 from pxr import Ar, Sdf, Usd
 
-from .document import ROOT, document_layer
-
 EXTENSION = ".mtlx"
+#: What a reference without a path means.
+ROOT = "/MaterialX"
 
 
 def resolved_stage(stage: Usd.Stage) -> tuple[Usd.Stage, list[str]]:
@@ -46,6 +46,9 @@ def is_about_documents(diagnostic: str) -> bool:
 
 
 def _layer(asset: str, lines: list[str]) -> Sdf.Layer | None:
+    # Imported only here: stages without documents do not pay for the package.
+    from .document import document_layer
+
     try:
         return document_layer(asset)
     except ValueError as error:
