@@ -73,3 +73,31 @@ def test_links_lead_somewhere(page):
         place = (page.parent / target) if target else page
         assert place.exists(), target
         assert not anchor or anchor in anchors(place), f"{target}#{anchor}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_named_tests_exist(page):
+    for cell in re.split(r"[|\n]", page.read_text("utf-8")):
+        file = None
+        for named, test in re.findall(r"`(tests/[\w/]+\.py)?::(\w+)`", cell):
+            file = named or file
+            assert re.search(rf"^def {test}\(", (ROOT / file).read_text("utf-8"), re.MULTILINE), f"{file}::{test}"
+
+
+def test_the_commands_of_the_gallery_are_taken():
+    pages = README + (ROOT / "docs" / "lecture.md").read_text("utf-8")
+    commands = re.findall(r"`warprender (render scenes_usd/[^`]+)`", pages)
+    assert len(commands) > 12
+    for command in commands:
+        args = build_parser().parse_args(command.split())
+        assert (ROOT / args.stage).exists() and args.output
+    for example in re.findall(r"`python (examples/\w+\.py)", pages):
+        assert (ROOT / example).exists(), example
+
+
+def test_pictures_are_small_and_each_is_shown():
+    pictures = sorted((ROOT / "docs").glob("*.png"))
+    sizes = [picture.stat().st_size for picture in pictures]
+    assert max(sizes) < 60_000 and sum(sizes) < 600_000
+    shown = "".join(page.read_text("utf-8") for page in PAGES)
+    assert all(picture.name in shown for picture in pictures)
