@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import warp as wp
 
+import warprender as wr
 from warprender.cli import build_parser
 from warprender.outputs import FILM_OUTPUTS, OUTPUTS
 
@@ -101,3 +102,12 @@ def test_pictures_are_small_and_each_is_shown():
     assert max(sizes) < 60_000 and sum(sizes) < 600_000
     shown = "".join(page.read_text("utf-8") for page in PAGES)
     assert all(picture.name in shown for picture in pictures)
+
+
+def test_help_leads_to_every_public_name():
+    for name in wr.__all__:
+        assert re.search(rf"\b{name}\b", wr.__doc__), name
+        # A dataclass without a docstring shows its signature.
+        text = getattr(wr, name).__doc__
+        assert text and not text.startswith(f"{name}("), name
+        assert "Attributes:" in text or "Args:" in text or name in ("CameraLight", "SceneError", "StageReader"), name
