@@ -6,6 +6,21 @@
     frame = wr.render(scene, resolution=(512, 512), samples=64)
     frame.save("cornell.png")
 
+What there is, by what it is for; `help(warprender.Scene)` and so on say what goes in and comes out:
+
+    stages         load, StageReader (several times of one stage), SceneError (what is wrong, in one line)
+    scenes         Scene: add_mesh, add_sphere, add_sdf, add_instances, add_light, add_camera, set_poses; Camera
+    pictures       render (one), Renderer (many of one scene), Frame (the arrays, `save`), RenderPlan
+    materials      PreviewSurface, DisplayColor, Dielectric, Phong, MeasuredBRDF; Texture and PrimvarReader for inputs
+    lights         Light (what all have), SphereLight, RectLight, DiskLight, CylinderLight, DistantLight, DomeLight,
+                   PortalLight, MeshLight, CameraLight; Shaping, Shadow, IesProfile, LightTexture
+    measured BRDFs measure_brdf, BrdfTable
+    without scenes RayCaster (rays against one mesh), rasterize, Raster
+    test suites    warprender.testing.assert_images_agree
+
+Lengths are scene units, angles degrees, colours linear Rec.709; matrices are for row vectors, poses are position and
+quaternion xyzw; row 0 of a picture is its top row; cameras look and lights emit towards their -Z.
+
 Names are imported when they are first used, so that the command line answers at once.
 """
 
@@ -25,6 +40,7 @@ if TYPE_CHECKING:
         DistantLight,
         DomeLight,
         IesProfile,
+        Light,
         LightTexture,
         MeshLight,
         PortalLight,
@@ -57,6 +73,7 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "IesProfile": "lights",
+    "Light": "lights",
     "LightTexture": "lights",
     "MeasuredBRDF": "materials",
     "MeshLight": "lights",
@@ -94,6 +111,7 @@ __all__ = [
     "DomeLight",
     "Frame",
     "IesProfile",
+    "Light",
     "LightTexture",
     "MeasuredBRDF",
     "MeshLight",

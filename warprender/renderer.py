@@ -437,6 +437,9 @@ def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int
         samples: a pixel; 64 when neither `samples`, `error` nor `seconds` is given.
         **options: any other argument of `Renderer` or of `Renderer.render`.
 
+    Returns:
+        The `Frame`: `frame.color` and so on are `wp.array`s, `frame.save(path)` writes a file.
+
     Raises:
         SceneError: the request cannot be met; the message names the prim or the argument.
         ValueError: there is no such device, filter or number of threads.
