@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
+    from .sensors import CameraSensor, LidarSensor
     from .textures import PrimvarReader, Texture
     from .usd import StageReader, load
     from .visibility.raster import Raster, rasterize
@@ -49,6 +50,7 @@ _HOMES = {
     "BrdfTable": "materials",
     "Camera": "camera",
     "CameraLight": "lights",
+    "CameraSensor": "sensors",
     "CylinderLight": "lights",
     "Dielectric": "materials",
     "DiskLight": "lights",
@@ -57,6 +59,7 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "IesProfile": "lights",
+    "LidarSensor": "sensors",
     "LightTexture": "lights",
     "MeasuredBRDF": "materials",
     "MeshLight": "lights",
@@ -86,6 +89,7 @@ __all__ = [
     "BrdfTable",
     "Camera",
     "CameraLight",
+    "CameraSensor",
     "CylinderLight",
     "Dielectric",
     "DiskLight",
@@ -94,6 +98,7 @@ __all__ = [
     "DomeLight",
     "Frame",
     "IesProfile",
+    "LidarSensor",
     "LightTexture",
     "MeasuredBRDF",
     "MeshLight",
