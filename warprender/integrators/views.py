@@ -249,7 +249,8 @@ def views_kernel(key: ViewKey, radiance: wp.Function | None) -> wp.Kernel:
     """
     names = key.any_key
     view_ray, view_hit = view_ray_function(key), view_hit_function(key)
-    shading_at = shading_function(names.shapes, names.features, names.sdfs)
+    # Rays leave the shared surface for shadows alone.
+    shading_at = shading_function(names.shapes, names.features, names.sdfs, key.shared and key.transport == "direct")
     prepare, _, _ = material_functions(names.materials, names.features)
     _, closest_after, _ = ray_functions(names.sdfs)
     writers = tuple(OUTPUTS[name].write for name in (key.outputs.outputs if key.outputs else ()))
@@ -281,6 +282,10 @@ def views_kernel(key: ViewKey, radiance: wp.Function | None) -> wp.Kernel:
         if wp.static(listed):
             scene.world.members = request.members
         start = begin - (begin // request.width) * request.width
+        seen = Seen()
+        seen.y = row
+        seen.camera = camera
+        seen.orthographic = wp.static(orthographic)
         for x in range(start, start + columns):
             px = wp.float32(x) + 0.5
             py = wp.float32(y) + 0.5
@@ -291,11 +296,7 @@ def views_kernel(key: ViewKey, radiance: wp.Function | None) -> wp.Kernel:
                 color = sampled(scene, request, camera, world, hit, x, y, row * request.width + x)
             if wp.static(with_surface):
                 if hit.instance >= 0:
-                    seen = Seen()
                     seen.x = x
-                    seen.y = row
-                    seen.camera = camera
-                    seen.orthographic = wp.static(orthographic)
                     seen.ray = ray
                     seen.surface = shading_at(scene, ray, hit, cone[0] + cone[1] * hit.t)
                     if wp.static(with_materials):
