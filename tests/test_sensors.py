@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
-from usd_stage import load
+from usd_stage import scene_of
 
 import warprender as wr
 from warprender.color import srgb_encode
 from warprender.lenses import distorted_rays, fisheye_rays
 
 AOVS = ("cameraDepth", "normal", "primId")
+#: Relative rounding of a point that is a sum of three corners, which lie 100 units away on a wall.
+GAMMA_7 = 7 * 2.0**-24
 STRAIGHT = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 K = np.array([[30.0, 0, 17.5], [0, 28.0, 12.25], [0, 0, 1]])
 
@@ -159,7 +161,7 @@ def test_orthographic_views():
     images = sensor.update([pose(1, 2, 3)])
     np.testing.assert_array_equal(images.numpy("cameraDepth")[0], 3.0)
     x = 1 + (np.arange(8) + 0.5) / 8 * 4 - 2
-    np.testing.assert_allclose(images.numpy("position")[0, :, :, 0], np.tile(x, (4, 1)), atol=1e-6)
+    np.testing.assert_allclose(images.numpy("position")[0, :, :, 0], np.tile(x, (4, 1)), atol=GAMMA_7 * 300)
 
 
 def test_lidar_in_a_sphere_and_its_range():
@@ -257,8 +259,10 @@ def test_points_written_in_place_are_seen_and_late_updates_are_harmless():
     sensor.update([pose(0, 0, 3)])
     points.assign(points.numpy() + np.float32([0, 0, 1]))
     late = sensor.update([pose(0, 0, 3)], refit=False)
-    assert (late.numpy("primId") == 0).all() and np.isin(late.numpy("cameraDepth"), (2.0, 3.0)).all()
-    np.testing.assert_allclose(sensor.update([pose(0, 0, 3)]).numpy("cameraDepth"), 2.0, rtol=1e-6)
+    depth = late.numpy("cameraDepth")
+    assert (late.numpy("primId") == 0).all()
+    assert (np.minimum(abs(depth - 2), abs(depth - 3)) < GAMMA_7 * 300).all()
+    np.testing.assert_allclose(sensor.update([pose(0, 0, 3)]).numpy("cameraDepth"), 2.0, atol=GAMMA_7 * 300)
     scene.meshes["/wall"].points = wp.array(points.numpy(), dtype=wp.vec3)
     with pytest.raises(wr.SceneError, match="/wall"):
         sensor.update([pose(0, 0, 3)])
@@ -311,12 +315,12 @@ def test_path_traced_views_agree_with_the_renderer():
 
 
 def test_semantic_labels_are_inherited():
-    scene = load("""
+    scene = scene_of("""
         def Xform "car" (prepend apiSchemas = ["SemanticsLabelsAPI:class"]) {
-            token[] semantics:labels:class = ["car"]
+            token[] semantics:labels:class= ["car"]
             def Sphere "body" { double radius = 1 }
             def Sphere "wheel" (prepend apiSchemas = ["SemanticsLabelsAPI:class"]) {
-                token[] semantics:labels:class = ["wheel", "round"]
+                token[] semantics:labels:class= ["wheel", "round"]
                 double radius = 0.5
                 double3 xformOp:translate = (3, 0, 0)
                 uniform token[] xformOpOrder = ["xformOp:translate"]

@@ -26,7 +26,9 @@ def read_semantic(reading: Reading, prim: Usd.Prim) -> str:
 
 def _own(prim: Usd.Prim, time: Usd.TimeCode) -> str:
     found: dict[str, list[str]] = {}
-    for schema in prim.GetAppliedSchemas():
+    # As authored: USD does not know the older schema, and leaves it out of those that are applied.
+    authored = prim.GetMetadata("apiSchemas")
+    for schema in authored.GetAppliedItems() if authored else ():
         kind, _, instance = schema.partition(":")
         if kind == "SemanticsLabelsAPI":
             labels = UsdSemantics.LabelsAPI(prim, instance).GetLabelsAttr().Get(time)
