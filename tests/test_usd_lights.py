@@ -230,3 +230,11 @@ def test_instanced_lights_are_lights_of_their_own():
     )
     assert [light.transform[3, 0] for light in scene.lights.values()] == [0, 1]
     assert all(light.radius == 2 for light in scene.lights.values())
+
+
+@pytest.mark.parametrize("name", ["SphereLight.treatAsPoint", "CylinderLight.treatAsLine"])
+def test_inputs_that_never_had_the_prefix_are_not_called_old(name):
+    kind, field = name.split(".")
+    scene = scene_of(f'def {kind} "l" {{ bool {field} = 1 }} def Sphere "ball" {{ }}')
+    assert getattr(scene.lights["/l"], field) is True
+    assert not scene.warnings

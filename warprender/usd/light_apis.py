@@ -11,10 +11,14 @@ from .reading import Reading
 
 
 def light_input(reading: Reading, prim: Usd.Prim, name: str) -> object:
-    """An authored input, under its name of today or, with a remark, without the prefix as in stages before 21.05."""
+    """An authored input, under its name of today or, with a remark, without the prefix as in stages before 21.05.
+
+    A few, such as `treatAsPoint`, never had the prefix: the prim's schema names them as they are.
+    """
     for attribute in (prim.GetAttribute(f"inputs:{name}"), prim.GetAttribute(name)):
         if attribute and attribute.HasAuthoredValue():
-            if not attribute.GetName().startswith("inputs:"):
+            named = prim.GetPrimDefinition().GetPropertyNames()
+            if not attribute.GetName().startswith("inputs:") and name not in named:
                 reading.remark(
                     prim, "its inputs have the names of before OpenUSD 21.05, without inputs:; they are taken"
                 )
