@@ -481,6 +481,24 @@ def test_documents_inside_of_instances(folder):
     assert len({id(placement.shape) for placement in scene.placements.values()}) == 1
 
 
+@pytest.mark.parametrize("levels", [2, 3])
+def test_documents_inside_of_instances_of_instances(folder, levels):
+    inner = folder / "asset.usda"
+    for level in range(1, levels):
+        outer = folder / f"level{level}.usda"
+        copies = "".join(f'def "c{k}" (\ninstanceable = true\nreferences = @{inner}@\n)\n{{\n}}\n' for k in range(2))
+        outer.write_text(f'#usda 1.0\n(\ndefaultPrim = "Set"\n)\ndef Xform "Set"\n{{\n{copies}}}\n')
+        inner = outer
+    scene = scene_of(
+        f'def Xform "i" ( instanceable = true\nreferences = @{inner}@ ) {{ }}'
+        f'def Xform "j" ( instanceable = true\nreferences = @{inner}@ ) {{ }}'
+        f'def Xform "k" ( instanceable = true\nreferences = @{folder}/asset.usda@ ) {{ }}'
+    )
+    assert len(scene.placements) == 2 * 2 ** (levels - 1) + 1
+    for path in scene.placements:
+        check_paint(scene, path)
+
+
 def test_documents_inside_of_packages(folder):
     package = folder / "asset.usdz"
     with zipfile.ZipFile(package, "w") as archive:
