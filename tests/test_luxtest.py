@@ -148,8 +148,8 @@ def test_distant_lights_go_by_the_cosine():
     ((poses, _),) = (g for g in all_groups("distant") if "xformOp:transform" in g[0])
     seen, first = floor_under(1)
     for time, matrix in poses["xformOp:transform"].items():
-        # Light travels along -Z; what is away from edges and shadows is most of the floor. Its black specular lobe still
-        # reflects at grazing angles (Schlick), which takes 2 % of the diffuse one's light at 60 degrees.
+        # Light travels along -Z; what is away from edges and shadows is most of the floor. Its black specular lobe
+        # still reflects at grazing angles (Schlick), which takes 2 % of the diffuse light at 60 degrees.
         share = np.median(floor_under(int(time))[1][seen] / first[seen])
         if matrix[2][1] >= 0.4:
             assert share == pytest.approx(matrix[2][1], rel=0.03)
