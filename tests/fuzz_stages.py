@@ -210,7 +210,7 @@ def _break_one(layer: Sdf.Layer, rng: np.random.Generator) -> None:
     if rng.random() < 0.15:
         spec.owner.RemoveProperty(spec)
     elif isinstance(spec, Sdf.RelationshipSpec):
-        target = ("/World/nowhere", str(spec.owner.path), "/World", "/")[rng.integers(4)]
+        target = ("/World/nowhere", str(spec.owner.path), "/World", "/World/polygons")[rng.integers(4)]
         spec.targetPathList.explicitItems = [Sdf.Path(target)]
     elif spec.default is not None:
         try:
