@@ -1,5 +1,7 @@
 """Samples where the noise is: the picture must stay unbiased, and the stated error right."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import scenes
@@ -62,7 +64,7 @@ def test_shares_are_bounded_and_their_mean_is_near_1():
 def test_the_numbers_of_samples_add_up_however_they_are_reached():
     allocation = Allocation(film_of(np.random.default_rng(2).random((SIZE, SIZE, PILOT))))
     steps = [allocation.samples(mean) for mean in (PILOT, 17.5, 40, 64)]
-    assert (steps[0] == 0).all() and all((b >= a).all() for a, b in zip(steps, steps[1:], strict=False))
+    assert (steps[0] == 0).all() and all((b >= a).all() for a, b in pairwise(steps))
     assert steps[-1].mean() == pytest.approx(64 - PILOT, rel=0.1)
 
 

@@ -1,4 +1,4 @@
-"""What studies vary and a picture must not show but for its noise: how lights are aimed at, how textures are averaged."""
+"""What studies vary and pictures show in their noise alone: how lights are aimed at, how textures are averaged."""
 
 import numpy as np
 import pytest

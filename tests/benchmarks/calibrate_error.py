@@ -63,10 +63,11 @@ def main():
             for k, name in enumerate(("error", "frame error")):
                 stated = np.array([frame.stats[name] for frame in frames])
                 ratio = stated / true[:, k]
+                spread = (100 * v.std() / v.mean() for v in (true[:, k], stated))
                 print(
                     f"{build.__name__:32} {samples:7}  {name:11}  {true[:, k].mean():.4f}   "
                     f"{ratio.mean():.3f} ± {ratio.std():.3f}   {100 * (abs(ratio - 1) < 0.1).mean():4.0f} %       "
-                    f"{100 * true[:, k].std() / true[:, k].mean():4.1f} %       {100 * stated.std() / stated.mean():4.1f} %",
+                    f"{next(spread):4.1f} %       {next(spread):4.1f} %",
                     flush=True,
                 )
 
