@@ -15,15 +15,15 @@ class Films:
     but in a loop nobody has the frame before the last any more.
     """
 
-    def __init__(self, width: int, height: int, device: str, filter: str) -> None:
-        """For pictures of this size in pixels.
+    def __init__(self, width: int, height: int, device: str, filter: str, terms: tuple[int, ...] = ()) -> None:
+        """For pictures of this size in pixels, which also keep these terms apart.
 
         Raises:
             ValueError: there is no such filter.
         """
         if filter not in FILTERS:
             raise ValueError(f"filter {filter!r} is not one of {', '.join(FILTERS)}")
-        self._size = width, height, device, filter
+        self._size = width, height, device, filter, terms
         self._films: list[Film] = []
         self._described: list[list[weakref.ref[Stats]]] = [[], []]
         self._turn = 1

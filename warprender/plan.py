@@ -19,7 +19,7 @@ from .lights import Light
 from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS, TRANSMITTING, DisplayColor
 from .materials.inputs import FEATURES, NORMAL
-from .outputs import FILM_OUTPUTS, OUTPUTS, of_first_hits, of_samples
+from .outputs import FILM_OUTPUTS, OUTPUTS, of_first_hits, of_samples, term_of, terms_of
 from .scene import Placement, Scene, SceneError, materials_of
 from .shapes import SHAPES, Mesh, Primvar, Sdf
 from .textures import Texture
@@ -65,6 +65,7 @@ class PathKey:
     straight_through: bool
     features: tuple[str, ...] = ()
     sdfs: tuple[wp.Function, ...] = ()
+    terms: bool = False
 
 
 @dataclass(frozen=True)
@@ -218,14 +219,19 @@ def analyse(
         plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features, sdfs)
     if of_samples(request.outputs):
         kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
-        sampled = any(light.power(1.0) > 0 for light in lights.values())
+        sampled = any(light.power(1.0) > 0 for light in lights.values()) and _last_term(request) != 0
         if transport == "local":
             plan.absent["shadow rays"] = "another transport than local"
         else:
             why = "lights that can be aimed at" if sampled else ""
             _note(plan, "shadow rays", why, "a light other than a dome")
         light_effects = _light_effects(plan, lights)
-        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs)
+        terms = terms_of(request.outputs)
+        named = ", ".join(f"color:{number}" for number in terms)
+        _note(plan, "single terms", f"{named} asked for" if named else "", "--aov color:0, color:1, …")
+        plan.path = PathKey(
+            shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs, bool(terms)
+        )
         _bound_bounces(plan, scene, request)
     return plan
 
@@ -320,14 +326,16 @@ def everything() -> PathKey:
         sampled_lights=True,
         straight_through=True,
         features=FEATURES,
+        terms=True,
     )
 
 
 def check_outputs(names: tuple[str, ...]) -> None:
     """Raise a SceneError at the first name that is no output."""
     for name in names:
-        if name not in OUTPUTS and name not in FILM_OUTPUTS and name != "color":
-            raise SceneError(f"output {name!r} is not one of color, {', '.join((*OUTPUTS, *FILM_OUTPUTS))}")
+        if name not in OUTPUTS and name not in FILM_OUTPUTS and name != "color" and term_of(name) is None:
+            known = ", ".join((*OUTPUTS, *FILM_OUTPUTS))
+            raise SceneError(f"output {name!r} is not one of color, color:0, color:1, …, {known}")
 
 
 def _check(request: Request) -> None:
@@ -459,8 +467,18 @@ def _largest_albedo(scene: Scene, request: Request) -> float:
     return 1.0 if request.energy_compensation and albedo > 0.0 else min(albedo, 1.0)
 
 
+def _last_term(request: Request) -> int | None:
+    """The highest term that is asked for, None where color with all of them is."""
+    terms = terms_of(request.outputs)
+    of_all = any(name == "color" or name in FILM_OUTPUTS for name in request.outputs)
+    return terms[-1] if terms and not of_all else None
+
+
 def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
-    """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted."""
+    """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted.
+
+    Single terms of color follow no bounce behind the last; -1 bounces are emission alone.
+    """
     if plan.transport in ONE_SURFACE:
         plan.bounds = {"bounces": 0}
         return
@@ -476,5 +494,9 @@ def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
         elif albedo < 1.0:
             needed = math.log(BOUNCE_TOLERANCE * (1.0 - albedo)) / math.log(albedo) - 1.0
             bounces = int(min(MOST_BOUNCES, max(0, math.ceil(needed))))
+    last = _last_term(request)
+    if last is not None:
+        # Term n is what n - 1 bounces bring; for term 0 nothing is scattered.
+        bounces = min(bounces, last - 1)
     unfollowed = albedo ** (bounces + 1) / (1.0 - albedo) if albedo < 1.0 else math.inf
     plan.bounds = {"albedo": albedo, "bounces": bounces, "unfollowed": unfollowed}

@@ -24,7 +24,7 @@ from .integrators.none import launch_outputs
 from .integrators.samples import PathRequest, launch_samples, samples_kernel
 from .launch import thread_count
 from .live import LiveScene
-from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs
+from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, term_of, terms_of
 from .plan import LIGHT_BY_LIGHT, OutputsKey, PathKey, RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError, pose_matrix
@@ -58,8 +58,8 @@ class Renderer:
         camera: a `Camera`, a camera's prim path or name, or None for usdrecord's choice: the render settings'
             camera, else one named main_cam, else one that frames everything.
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
-        outputs: a name, or several: "color", the AOVs of `warprender.outputs.OUTPUTS`, and for study "sampleCount",
-            "standardError" and "rayCount".
+        outputs: a name, or several: "color", its single terms "color:0", "color:1", …, the AOVs of
+            `warprender.outputs.OUTPUTS`, and for study "sampleCount", "standardError" and "rayCount".
         visibility: how first surfaces are found: "rays", "raster" (exact edges and a depth buffer), "painter"
             (triangles back to front, as it was done before depth buffers), or "auto": what should take less time.
             Colour that the rasterizer cannot see (depth of field, paths through what is clear) is made of rays.
@@ -166,7 +166,8 @@ class Renderer:
         self._sobol = sampler == "sobol"
         self._finders: dict[str, tuple[tuple, RayHits | RasterHits]] = {}
         self._look()
-        self._films, self._filter_table = Films(*self.resolution, device, filter), filter_table(filter)
+        self._films = Films(*self.resolution, device, filter, terms_of(outputs))
+        self._filter_table = filter_table(filter)
         self._seconds = {"prepare": time.perf_counter() - start}
 
     def render(
@@ -395,6 +396,7 @@ class Renderer:
         request.sobol = int(self._sobol)
         request.bounces = int(self.plan.bounds["bounces"])
         request.unfiltered = int(not self.request.filter_textures)
+        request.terms = self._films.last.terms
         request.visible.lights = int(self.request.lights_visible)
         request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
@@ -420,7 +422,7 @@ class Renderer:
         request.first_sample, request.samples = first_sample, samples
         scene, camera, film, key = self._live.record, self._camera_record, self._films.last.record, self.plan.path
         radiance, rasterized = RADIANCE[self.plan.transport](key), self._color_hits is not None
-        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized)
+        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized, key.terms)
         launch_samples(kernel, scene, camera, request, film, self.device, self.threads, pixels)
         wp.synchronize_device(self.device)
 
@@ -443,6 +445,8 @@ class Renderer:
                 outputs["color"] = self._denoised(outputs)
                 stats["denoised"], stats["seconds"] = True, dict(self._seconds)
             outputs |= {n: film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
+            terms = {n: number for n in self.request.outputs if (number := term_of(n)) is not None}
+            outputs |= {n: film.term(number, exposure) for n, number in terms.items()}
             stats["rays"], stats["error"] = film.ray_counts, film.relative_error
             stats["frame error"], stats["dropped samples"] = film.frame_error, film.dropped_samples
             stats["unfollowed rays"] = film.unfollowed_rays
