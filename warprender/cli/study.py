@@ -147,7 +147,7 @@ def _at_level(args: argparse.Namespace, level: str) -> Scene:
 
 
 def _faces(scene: Scene) -> int:
-    from .. import Mesh
+    from ..shapes.mesh import Mesh
 
     return sum(len(p.shape.faces) for p in scene.placements.values() if isinstance(p.shape, Mesh))
 
