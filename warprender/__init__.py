@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from .scene import Scene, SceneError
     from .textures import PrimvarReader, Texture
     from .usd import StageReader, load
+    from .visibility.attributes import interpolate
     from .visibility.raster import Raster, rasterize
     from .visibility.rays import RayCaster
 
@@ -76,6 +77,7 @@ _HOMES = {
     "SphereLight": "lights",
     "StageReader": "usd",
     "Texture": "textures",
+    "interpolate": "visibility.attributes",
     "load": "usd",
     "measure_brdf": "gonioreflectometer",
     "rasterize": "visibility.raster",
@@ -113,6 +115,7 @@ __all__ = [
     "SphereLight",
     "StageReader",
     "Texture",
+    "interpolate",
     "load",
     "measure_brdf",
     "rasterize",

@@ -291,6 +291,7 @@ def test_r9_company_changes_no_bit():
     for a, b in zip(sorted_by_size[1:], mixed[1:], strict=True):
         np.testing.assert_array_equal(a.numpy(), b.numpy())
 
+
 @pytest.mark.parametrize("nearer_first", [True, False])
 def test_r10_depth_resolution(nearer_first):
     """A millimetre at a kilometre, near 0.1 and far 1e6, through the renderer."""

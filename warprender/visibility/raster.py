@@ -204,7 +204,7 @@ def rasterize(
     device = _device_of(clip_positions, indices, device)
     triangles = Triangles()
     triangles.clip = _positions(clip_positions, device)
-    triangles.indices = _indices(indices, device)
+    triangles.indices = index_array(indices, device)
     return DrawList([triangles], [0], device).rasterize(width, height, threads, cull)
 
 
@@ -404,7 +404,8 @@ def _positions(positions: np.ndarray | wp.array, device: wp.Device) -> wp.array:
     return positions.contiguous().to(device)
 
 
-def _indices(indices: np.ndarray | wp.array, device: wp.Device) -> wp.array:
+def index_array(indices: np.ndarray | wp.array, device: wp.Device) -> wp.array:
+    """(3 F,) int32 on the device; ValueError for another shape or type."""
     shape = tuple(indices.shape if isinstance(indices, wp.array) else np.shape(indices))
     if len(shape) not in (1, 2) or (len(shape) == 2 and shape[1] != 3) or int(np.prod(shape)) % 3:
         raise ValueError(f"indices must have shape (F, 3) or (3 F,), not {shape}")
