@@ -2,8 +2,9 @@
 
     python tests/benchmarks/bench_raster.py [--threads 2] [--turns 20] [--counts 1k 100k 1m]
 
-A turn of ours: vertices to clip space, `wr.rasterize`, and unit normals by `wr.interpolate`. A turn of llvmpipe (when moderngl
-and an EGL Mesa are installed): the same mesh with depth test, interpolated normals and one light, drawn and finished.
+A turn of ours: vertices to clip space, `wr.rasterize`, and unit normals by `wr.interpolate`. A turn of llvmpipe (when
+moderngl and an EGL Mesa are installed): the same mesh with depth test, interpolated normals and one light, drawn and
+finished.
 Only ratios of one run mean anything on a shared machine; those of processor time, and of the best of many turns,
 suffer least from its other work.
 """
