@@ -23,7 +23,8 @@ def differing(by_rays, by_raster):
 
 def edge_distance(renderer, hit, x, y):
     """Pixels from a centre to the nearest edge of the triangle that was hit there; inf where that is no triangle."""
-    geometry = renderer._upload.geometries[renderer._upload.record.instances.numpy()["geometry"][hit["instance"]]]
+    upload = renderer._live.upload
+    geometry = upload.parts[upload.rows["geometry"][hit["instance"]]].record
     if geometry.indices is None or hit["face"] < 0:
         return np.inf
     points = geometry.points.numpy()[geometry.indices.numpy().reshape(-1, 3)[hit["face"]]].astype(float)

@@ -6,6 +6,7 @@ The path tracer is compiled for a plain key: with every effect compiled in, CUDA
 import pytest
 import warp as wp
 
+from warprender import bodies
 from warprender.film import _resolve_kernel
 from warprender.gonioreflectometer import measure_kernel
 from warprender.integrators import RADIANCE
@@ -13,6 +14,7 @@ from warprender.integrators.none import outputs_kernel
 from warprender.integrators.samples import samples_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
+from warprender.visibility import first_hits, placing, trees
 from warprender.visibility.attributes import _kernel as interpolate_kernel
 
 CAMERA = ("perspective",)
@@ -34,6 +36,11 @@ FAMILIES = {
     "outputs": all_outputs,
     "rasterized": lambda: samples_kernel(CAMERA, (), RADIANCE["local"](PLAIN), True),
     **{name: lambda f=function: samples_kernel(CAMERA, (), f(PLAIN)) for name, function in RADIANCE.items()},
+    "poses": lambda: bodies._store_single,
+    "placing": lambda: placing._place_instances,
+    "box of a mesh": lambda: trees._mesh_box,
+    "matrices to clip space": lambda: first_hits._matrices_to_clip,
+    "pixels for rays": lambda: first_hits._box_pixels,
     "glass": lambda: samples_kernel(CAMERA, (), RADIANCE["path"](GLASS)),
 }
 

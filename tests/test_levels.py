@@ -9,15 +9,15 @@ PACKAGE = Path(warprender.__file__).parent
 
 #: Files and folders of the package by level.
 LEVELS = (
-    {"numerics", "sampling", "color", "launch"},
+    {"numerics", "sampling", "color", "launch", "watched"},
     {"records", "images", "denoise"},
     {"texels", "textures", "texture_lookup"},
-    {"materials", "lights", "shapes", "camera", "outputs"},
+    {"materials", "lights", "shapes", "camera", "outputs", "bodies"},
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"integrators", "upload", "upload_lights", "upload_glow", "checks", "receipt"},
-    {"frame", "renderer", "gonioreflectometer"},
+    {"integrators", "upload", "upload_lights", "upload_glow", "upload_shapes", "attaching", "checks", "receipt"},
+    {"frame", "films", "live", "renderer", "gonioreflectometer"},
     {"usd", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
@@ -33,8 +33,14 @@ NEIGHBOURS = {
     ("texture_lookup", "texels"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
+    ("upload", "upload_shapes"),
+    ("upload", "attaching"),
+    ("upload_lights", "upload_shapes"),
+    ("films", "frame"),
     ("upload_lights", "upload_glow"),
     ("renderer", "frame"),
+    ("renderer", "films"),
+    ("renderer", "live"),
     ("cli", "study"),
     ("__main__", "__init__"),
 }

@@ -1,5 +1,7 @@
 """Transports "local" and "direct": every light by its closed form, shadows, clear surfaces, many lights."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scenes
@@ -81,6 +83,31 @@ def test_local_ignores_what_is_in_the_way():
     direct, _ = picture(scene, view, 8, 4, transport="direct")
     np.testing.assert_allclose(local[..., :3], 1.0, rtol=2e-6)
     np.testing.assert_array_equal(direct[..., :3], 0.0)
+
+
+def test_a_rect_light_over_an_edge_has_the_penumbra_of_similar_triangles():
+    """A lamp of width w at height H, an edge at height h: the penumbra is w h / (H - h) wide, lit to its share."""
+    width, high, low = 0.4, 4.0, 1.0
+    scene, _ = floor((1.0,) * 3)
+    lamp = wr.RectLight(width=width, height=width, intensity=10.0)
+    scene.add_light(lamp, pose=scenes.look_at((0, 0, high), (0, 0, 0)))
+    half_plane = np.array([(-9, -9, low), (0, -9, low), (0, 9, low), (-9, 9, low)])
+    scene.add_mesh("/edge", half_plane, [[0, 1, 2, 3]], color=(0.0,) * 3)
+    half = width / 2 * low / (high - low)
+    # A row of pixels below the edge, seen past it from the lit side, 1/40 of the penumbra each.
+    view = scenes.window(2 * half * 1.5, eye=(0, 0, 0.5), target=(0, 0, 0))
+    view = replace(view, verticalAperture=view.verticalAperture / 60)
+    color, error = picture(scene, view, (60, 1), 1024, transport="direct")
+    x = ((np.arange(60) + 0.5) / 60 - 0.5) * 3 * half
+    bare, _ = picture(scene, view, (60, 1), 1024, transport="local")
+    share, spread = (color / bare)[0, :, 0], (error / bare[..., :3])[0, :, 0]
+    umbra, full = x < -half * 1.02, x > half * 1.02
+    np.testing.assert_array_equal(share[umbra], 0.0)
+    np.testing.assert_allclose(share[full], 1.0, atol=2e-3)
+    # Across the penumbra the lamp that is in sight grows in proportion: the cosines differ by less than 1 %.
+    inside = np.abs(x) < half
+    expected = 0.5 + x[inside] / (2 * half)
+    assert (np.abs(share[inside] - expected) < 4.5 * spread[inside] + 0.01).all()
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)

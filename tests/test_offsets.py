@@ -54,7 +54,9 @@ def bounced(scene, targets, seed=0):
     """First and second hits of rays from outside at points in the world."""
     held = Upload(scene, {}, np.zeros(3), "cpu")
     rng = np.random.default_rng(seed)
-    centre, size = held.bounds.mean(0), np.linalg.norm(held.bounds[1] - held.bounds[0])
+    boxes = held.world.boxes()
+    low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+    centre, size = (low + high) / 2, np.linalg.norm(high - low)
     away = rng.normal(size=(len(targets), 3))
     origin = centre + away / np.linalg.norm(away, axis=1, keepdims=True) * size * 2
     direction = targets - origin

@@ -312,12 +312,12 @@ def test_threads_passes_and_repeats_change_no_bit():
     base = renderer.render(samples=64).numpy("color").copy()
     for threads, passes in ((1, [64]), (3, [16] * 4), (2, [1] * 64), (5, [50, 1, 13])):
         renderer.threads = threads
-        renderer._film.clear()
+        renderer._films.turn()
         request, taken = renderer._path_request(0), 0
         for samples in passes:
             renderer._pass(request, taken, samples)
             taken += samples
-        np.testing.assert_array_equal(renderer._film.color(1.0).numpy(), base)
+        np.testing.assert_array_equal(renderer._films.last.color(1.0).numpy(), base)
     np.testing.assert_array_equal(renderer.render(samples=64).numpy("color"), base)
     other = renderer.render(samples=64, seed=1).numpy("color")
     assert (other != base).any(-1).mean() > 0.5

@@ -109,10 +109,10 @@ def march_spheres(centres, radii, origins, directions):
 
 def cast(renderer, origins, directions):
     """First and second hit along rays given in the world: distances (R, 2), and whether each is occluded."""
-    origins = wp.array((origins - renderer._upload.origin).astype(np.float32), dtype=wp.vec3)
+    origins = wp.array((origins - renderer._live.upload.origin).astype(np.float32), dtype=wp.vec3)
     directions = wp.array(directions.astype(np.float32), dtype=wp.vec3)
     found, blocked = wp.empty(len(origins), dtype=wp.vec2), wp.empty(len(origins), dtype=wp.bool)
-    inputs = [renderer._upload.record, origins, directions, found, blocked]
+    inputs = [renderer._live.record, origins, directions, found, blocked]
     wp.launch(casting(renderer.plan.sdfs), len(origins), inputs)
     return found.numpy(), blocked.numpy()
 
@@ -263,3 +263,19 @@ def test_faults_are_named(arguments, reason):
 def test_a_painter_needs_triangles():
     with pytest.raises(wr.SceneError, match="/ball is a sdf"):
         wr.Renderer(with_ball(False), scenes.camera((0, 0, 5)), (4, 4), outputs="depth", visibility="painter")
+
+
+def test_update_follows_parameters():
+    scene = wr.Scene()
+    solid = scene.add_sdf("/ring", ring, BOUNDS, parameters=(0.7, 0.2))
+    points, faces = scenes.icosphere(1)
+    scene.add_mesh("/mesh", points, faces, pose=(3, 0, 0, 0, 0, 0, 1))
+    renderer = wr.Renderer(scene, scenes.camera((0, 2, 6)), (32, 32), outputs=("cameraDepth", "primId"))
+    before = renderer.render().numpy("cameraDepth")
+    key = renderer.plan.outputs
+    solid.parameters = (0.5, 0.3)
+    renderer.update()
+    after = renderer.render().numpy("cameraDepth")
+    anew = wr.Renderer(scene, scenes.camera((0, 2, 6)), (32, 32), outputs=("cameraDepth", "primId")).render()
+    assert renderer.plan.outputs == key and (before != after).any()
+    np.testing.assert_array_equal(after, anew.numpy("cameraDepth"))

@@ -68,7 +68,7 @@ def test_the_confidence_of_slopes():
 
 def test_what_is_varied():
     assert ladder(256) == [4, 16, 64, 256] and ladder(100) == [6, 25, 100] and ladder(2) == [2]
-    plan = RenderPlan("path", "rays", None, None, bounds={"bounces": 3})
+    plan = RenderPlan("path", "rays", "rays", None, None, bounds={"bounces": 3})
     settings = sweep(plan, 16, denoiser=True)
     assert len({s.name for s in settings}) == len(settings)
     knobs = {(s.knob, s.value) for s in settings}

@@ -11,6 +11,7 @@ import warp as wp
 
 from .records import CameraRecord, Ray
 from .sampling import unit_disk
+from .watched import Watched
 
 #: What an image whose shape is not the aperture's does to the aperture (UsdRenderSettings).
 CONFORM_POLICIES = (
@@ -50,7 +51,7 @@ class DataWindow:
 
 
 @dataclass
-class Camera:
+class Camera(Watched):
     """UsdGeomCamera, names, units and defaults as in the schema; looks down local -Z, +Y up.
 
     Attributes:

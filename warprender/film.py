@@ -23,6 +23,18 @@ LIT = 1e-3
 
 
 @wp.struct
+class Terms:
+    """Single terms of radiance, by how often light was scattered: a row for each of `numbers`, a column for each pixel.
+
+    `sums` are over samples; `sample` is what the sample that is being traced has brought so far.
+    """
+
+    numbers: wp.array(dtype=wp.int32)
+    sums: wp.array2d(dtype=wp.vec3d)
+    sample: wp.array2d(dtype=wp.vec3)
+
+
+@wp.struct
 class FilmRecord:
     """Per pixel (H, W): sums of radiance and alpha, of squared radiance, of each replicate's luminance, and counts.
 
@@ -38,6 +50,25 @@ class FilmRecord:
     rays: wp.array2d(dtype=wp.vec3i)
     unfollowed: wp.array2d(dtype=wp.int32)
     filter_table: wp.array(dtype=wp.float32)
+
+
+@wp.func
+def keep_term(terms: Terms, pixel: int, number: int, radiance: wp.vec3):
+    """Add radiance that was scattered `number` times to the pixel's sample, if that term is kept."""
+    for row in range(terms.numbers.shape[0]):
+        if terms.numbers[row] == number:
+            terms.sample[row, pixel] = terms.sample[row, pixel] + radiance
+
+
+@wp.func
+def end_sample(terms: Terms, pixel: int, finite: bool):
+    """Add the pixel's sample to the sums, unless color dropped it, and begin another."""
+    for row in range(terms.numbers.shape[0]):
+        radiance = terms.sample[row, pixel]
+        if finite:
+            value = wp.vec3d(wp.float64(radiance[0]), wp.float64(radiance[1]), wp.float64(radiance[2]))
+            terms.sums[row, pixel] = terms.sums[row, pixel] + value
+        terms.sample[row, pixel] = wp.vec3(0.0, 0.0, 0.0)
 
 
 FILTERS = ("box", "triangle", "gaussian")
@@ -87,8 +118,8 @@ def pixel_offset(table: np.ndarray, seed: int, sample: int) -> tuple[float, floa
 class Film:
     """Accumulates samples on a device; resumable."""
 
-    def __init__(self, width: int, height: int, device: str, filter: str = "box") -> None:
-        """An empty film of this size in pixels."""
+    def __init__(self, width: int, height: int, device: str, filter: str = "box", terms: tuple[int, ...] = ()) -> None:
+        """An empty film of this size in pixels, which also keeps these terms apart."""
         self.width, self.height, self.device = width, height, device
         shape = (height, width)
         self.record = FilmRecord()
@@ -100,12 +131,18 @@ class Film:
         self.record.rays = wp.zeros(shape, dtype=wp.vec3i, device=device)
         self.record.unfollowed = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.filter_table = wp.array(filter_table(filter), dtype=wp.float32, device=device)
+        self.terms = Terms()
+        self.terms.numbers = wp.array(terms, dtype=wp.int32, device=device)
+        self.terms.sums = wp.zeros((len(terms), width * height), dtype=wp.vec3d, device=device)
+        self.terms.sample = wp.zeros((len(terms), width * height), dtype=wp.vec3, device=device)
 
     def clear(self) -> None:
         """Forget all samples."""
         film = self.record
         for array in (film.sums, film.squares, film.replicates, film.samples, film.dropped, film.rays, film.unfollowed):
             array.zero_()
+        self.terms.sums.zero_()
+        self.terms.sample.zero_()
 
     def color(self, exposure: float, threads: int | None = None) -> wp.array:
         """The picture so far: (H, W) vec4 float32, premultiplied linear Rec.709 and alpha."""
@@ -139,6 +176,13 @@ class Film:
         else:
             values = (self.standard_error() * exposure).astype(np.float32)
         return wp.array(values, dtype=FILM_OUTPUTS[name], device=self.device)
+
+    def term(self, number: int, exposure: float) -> wp.array:
+        """The mean of a term that is kept, times exposure: (H, W) vec3 float32."""
+        row = self.terms.numbers.numpy().tolist().index(number)
+        sums = self.terms.sums.numpy()[row].reshape(self.height, self.width, 3)
+        mean = sums / np.maximum(self.record.samples.numpy(), 1)[..., None]
+        return wp.array((mean * exposure).astype(np.float32), dtype=wp.vec3, device=self.device)
 
     def relative_error(self) -> float:
         """Relative RMS standard error of the frame's luminance over lit pixels, those above 1e-3; inf below 4 samples.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, ItemsView, Iterable, Iterator, ValuesView
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,60 @@ import warp as wp
 
 from . import images
 from .camera import DataWindow
+
+
+class Stats(dict):
+    """A dictionary whose values may be functions without arguments, which are called when they are first asked for.
+
+    What nobody asks for costs nothing: a small frame takes less time than its statistics.
+    """
+
+    def settle(self) -> Stats:
+        """Call what is left to call; returns itself."""
+        for key in self:
+            self[key]
+        return self
+
+    def __iter__(self) -> Iterator[str]:
+        # Another iterator than dict's own: `dict(stats)` and `**stats` then come by way of `__getitem__`.
+        return iter(super().keys())
+
+    def __getitem__(self, key: str) -> object:
+        value = super().__getitem__(key)
+        if callable(value):
+            value = value()
+            self[key] = value
+        return value
+
+    def get(self, key: str, default: object = None) -> object:
+        """As of any mapping."""
+        return self[key] if key in self else default
+
+    def items(self) -> ItemsView:
+        """As of any mapping."""
+        return super(Stats, self.settle()).items()
+
+    def values(self) -> ValuesView:
+        """As of any mapping."""
+        return super(Stats, self.settle()).values()
+
+    def copy(self) -> dict:
+        """A plain dictionary."""
+        return dict(self)
+
+    def __or__(self, other: dict) -> dict:
+        return self.copy() | other
+
+    def __eq__(self, other: object) -> bool:
+        return super(Stats, self.settle()).__eq__(other)
+
+    __hash__ = None
+
+    def __repr__(self) -> str:
+        return super(Stats, self.settle()).__repr__()
+
+    def __reduce__(self) -> tuple:
+        return dict, (self.copy(),)
 
 
 class Frame:
@@ -28,7 +82,6 @@ class Frame:
             with color also "rays" by kind, "error" (relative RMS standard error of luminance; inf below 4
             samples), "frame error" (RMS standard error over RMS luminance) and "dropped samples" (those that were
             not finite).
-        receipt: what rendering it again needs: plan, request, seed, samples, versions, stage hash; JSON-able.
         data_window: where the pixels lie in the picture that the render settings describe, None for all of it. EXR
             keeps it as data and display window.
     """
@@ -37,13 +90,24 @@ class Frame:
         self,
         outputs: dict[str, wp.array],
         stats: dict | None = None,
-        receipt: dict | None = None,
+        receipt: dict | Callable[[], dict] | None = None,
         data_window: DataWindow | None = None,
     ) -> None:
         self.outputs = dict(outputs)
         self.stats = stats if stats is not None else {}
-        self.receipt = receipt if receipt is not None else {}
+        self._receipt = receipt if receipt is not None else {}
         self.data_window = data_window
+
+    @property
+    def receipt(self) -> dict:
+        """What rendering it again needs: plan, request, seed, samples, versions, stage hash; JSON-able."""
+        if callable(self._receipt):
+            self._receipt = self._receipt()
+        return self._receipt
+
+    @receipt.setter
+    def receipt(self, receipt: dict) -> None:
+        self._receipt = receipt
 
     def __getattr__(self, name: str) -> wp.array:
         # Through __dict__: a Frame that is being unpickled has no outputs yet.

@@ -30,21 +30,34 @@ def choose_camera(scene: Scene, name: str | None = None) -> Camera:
     Raises:
         SceneError: there is no camera `name`, or the chosen one has no window to look through.
     """
-    if name:
-        path = _find(scene, name)
-        if path is None:
-            known = ", ".join(scene.cameras) or "none"
-            raise SceneError(f"camera {name}: there is no such camera; the scene has {known}")
-    else:
-        path = scene.settings.camera or _find(scene, MAIN_CAMERA)
+    path = choose_camera_path(scene, name)
     if not path:
         return auto_camera(scene)
-    camera = scene.cameras[path]
-    if scene.settings.disableDepthOfField:
-        camera = replace(camera, fStop=0.0)
+    camera = camera_at(scene, path)
     if fault := camera.fault():
         raise SceneError(f"{path}: {fault}")
     return camera
+
+
+def choose_camera_path(scene: Scene, name: str | None = None) -> str:
+    """Path of the camera that `choose_camera` takes, "" for automatic framing.
+
+    Raises:
+        SceneError: there is no camera `name`.
+    """
+    if not name:
+        return scene.settings.camera or _find(scene, MAIN_CAMERA) or ""
+    path = _find(scene, name)
+    if path is None:
+        known = ", ".join(scene.cameras) or "none"
+        raise SceneError(f"camera {name}: there is no such camera; the scene has {known}")
+    return path
+
+
+def camera_at(scene: Scene, path: str) -> Camera:
+    """The camera of this path, as the render settings have it."""
+    camera = scene.cameras[path]
+    return replace(camera, fStop=0.0) if scene.settings.disableDepthOfField else camera
 
 
 def choose_resolution(scene: Scene, camera: Camera, width: int | None = None) -> tuple[int, int]:

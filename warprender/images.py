@@ -385,7 +385,7 @@ def _stack(layers: Mapping[str, np.ndarray], dtype: type) -> tuple[list[str], np
 def _channel_names(layer: str, count: int, integers: bool) -> list[str]:
     if count == 1:
         letters = ["id" if integers else "Z"]
-    elif count == 4 or layer in _COLOR_LAYERS:
+    elif count == 4 or layer.partition(":")[0] in _COLOR_LAYERS:
         letters = list("RGBA"[:count])
     else:
         letters = list("XYZ"[:count])

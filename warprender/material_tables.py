@@ -16,6 +16,7 @@ from .shapes import Mesh
 from .shapes.tangents import corner_tangents
 from .texels import TEXTURE_BYTES, TexelPool, halvings_within, srgb_table
 from .textures import CHANNELS, FIRST_TILE, TILES, PrimvarReader, Texture, as_picture, pyramid_bytes
+from .watched import same
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ class MaterialTables:
         self.warnings: list[str] = []
         self._pictures: dict[tuple, int] = {}
         used = set(used)
+        self._used, self._links = used, _links(materials)
         self._read_pictures({key: m for key, m in materials.items() if key in used}, budget)
         self.materials = np.zeros(len(materials), MaterialRecord.numpy_dtype())
         for row, (key, material) in zip(self.materials, materials.items(), strict=True):
@@ -74,6 +76,15 @@ class MaterialTables:
                 self._link(row, material)
                 if isinstance(material, MeasuredBRDF):
                     row["table"] = self._brdf(key, material.table)
+
+    def repacked(self, materials: dict[str, Material], used: Iterable[str]) -> MaterialTables | None:
+        """These tables with the constants of `materials`, or None where more than constants has changed."""
+        if not (set(used) <= self._used and same(self._links, _links(materials))):
+            return None
+        for row, material in zip(self.materials, materials.values(), strict=True):
+            values = material.pack()
+            row["values"][: len(values)] = values
+        return self
 
     def slot(self, content: Slot) -> int:
         """Number of the slot with this content."""
@@ -197,6 +208,16 @@ class MaterialTables:
             row["primvar"], row["absent"] = self.slot(texture.st.varname), _four(texture.st.fallback)
         else:
             row["absent"] = _four(texture.st)
+
+
+def _links(materials: dict[str, Material]) -> list[object]:
+    """All of materials but their constants, for `same`: kinds, what varies, and cut-outs, which have no footprint."""
+    links: list[object] = []
+    for key, material in materials.items():
+        links += [key, type(material), material.is_cut_out(), getattr(material, "table", None)]
+        for number, (name, source) in material.varying().items():
+            links += [number, name, *(source if isinstance(source, tuple) else [source])]
+    return links
 
 
 def _rows(rows: list, dtype: type, device: str) -> wp.array:

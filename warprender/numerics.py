@@ -9,6 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 mat34 = wp.types.matrix(shape=(3, 4), dtype=wp.float32)
+mat34d = wp.types.matrix(shape=(3, 4), dtype=wp.float64)
 
 PI = wp.constant(wp.float32(3.14159265358979323846))
 INV_PI = wp.constant(wp.float32(0.31830988618379067154))
@@ -41,6 +42,18 @@ def is_finite(v: wp.vec3) -> bool:
 def max_component(v: wp.vec3) -> float:
     """The largest of the three components."""
     return wp.max(v[0], wp.max(v[1], v[2]))
+
+
+@wp.func
+def linear_of(m: mat34) -> wp.mat33:
+    """The linear part of an affine matrix for column vectors."""
+    return wp.mat33(m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2], m[2, 0], m[2, 1], m[2, 2])
+
+
+@wp.func
+def translation_of(m: mat34) -> wp.vec3:
+    """Where an affine matrix for column vectors takes the origin."""
+    return wp.vec3(m[0, 3], m[1, 3], m[2, 3])
 
 
 @wp.func

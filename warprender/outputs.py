@@ -5,6 +5,7 @@ A new AOV is a field of `OutputBuffers`, a function that writes it, and a line i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -162,9 +163,24 @@ OUTPUTS: dict[str, Output] = {
 FILM_OUTPUTS: dict[str, type] = {"sampleCount": wp.int32, "standardError": wp.vec3, "rayCount": wp.int32}
 
 
+#: The single terms of color: what arrives after N scatterings.
+_TERM = re.compile(r"color:(0|[1-9][0-9]{0,4})")
+
+
+def term_of(name: str) -> int | None:
+    """N of the output `color:N`, None for every other name."""
+    found = _TERM.fullmatch(name)
+    return int(found[1]) if found else None
+
+
+def terms_of(names: Iterable[str]) -> tuple[int, ...]:
+    """The terms of color among the outputs; each once, sorted."""
+    return tuple(sorted({number for name in names if (number := term_of(name)) is not None}))
+
+
 def of_samples(names: Iterable[str]) -> bool:
-    """Whether any of the outputs is made of samples: color, or one of `FILM_OUTPUTS`."""
-    return any(name == "color" or name in FILM_OUTPUTS for name in names)
+    """Whether any of the outputs is made of samples: color, one of its terms, or one of `FILM_OUTPUTS`."""
+    return any(name == "color" or name in FILM_OUTPUTS or term_of(name) is not None for name in names)
 
 
 def of_first_hits(names: Iterable[str]) -> tuple[str, ...]:

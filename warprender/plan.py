@@ -7,7 +7,7 @@ sizes and colours are runtime values and never in a key.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 
 import numpy as np
 import warp as wp
@@ -19,7 +19,7 @@ from .lights import Light
 from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS, TRANSMITTING, DisplayColor
 from .materials.inputs import FEATURES, NORMAL
-from .outputs import FILM_OUTPUTS, OUTPUTS, of_first_hits, of_samples
+from .outputs import FILM_OUTPUTS, OUTPUTS, of_first_hits, of_samples, term_of, terms_of
 from .scene import Placement, Scene, SceneError, materials_of
 from .shapes import SHAPES, Mesh, Primvar, Sdf
 from .textures import Texture
@@ -65,6 +65,7 @@ class PathKey:
     straight_through: bool
     features: tuple[str, ...] = ()
     sdfs: tuple[wp.Function, ...] = ()
+    terms: bool = False
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,26 @@ class RenderPlan:
         lines += ["", "bounds"] + [f"  {name:{width}}  {value:g}" for name, value in self.bounds.items()]
         return "\n".join(lines)
 
+    def kept_from(self, before: RenderPlan, camera: Camera) -> RenderPlan:
+        """This plan with the kernels of an earlier one of the same request, as far as they draw what it asks for.
+
+        So nothing is compiled because something went, or came back.
+        """
+        alike = before.transport == self.transport
+        path = before.path if alike and covers(before.path, self.path) else self.path
+        outputs = before.outputs if covers(before.outputs, self.outputs) else self.outputs
+        # Both kernels must number the distance functions alike.
+        if path is None or outputs is None or path.sdfs == outputs.sdfs:
+            self.path, self.outputs = path, outputs
+        if "clippingPlanes" not in camera.effects() and self.visibility != before.visibility:
+            self.reasons.pop(f"visibility {self.visibility}", "")
+            self.visibility = before.visibility
+            self.reasons[f"visibility {self.visibility}"] = "as before"
+        if self.color_visibility != "rays" and before.color_visibility == "rays":
+            self.reasons.pop(f"color by {self.color_visibility}", "")
+            self.color_visibility, self.reasons["color by rays"] = "rays", "as before"
+        return self
+
     @property
     def sdfs(self) -> tuple[wp.Function, ...]:
         """The signed distance functions that occur, in the order of their numbers on the device."""
@@ -195,14 +216,19 @@ def analyse(
         plan.outputs = OutputsKey(shapes, materials, pinhole, aovs, bool(passing), features, sdfs)
     if of_samples(request.outputs):
         kinds = _effects(plan, "light", set(FUNCTIONS), _light_callers(lights), "a light of this kind")
-        sampled = any(light.power(1.0) > 0 for light in lights.values())
+        sampled = any(light.power(1.0) > 0 for light in lights.values()) and _last_term(request) != 0
         if transport == "local":
             plan.absent["shadow rays"] = "another transport than local"
         else:
             why = "lights that can be aimed at" if sampled else ""
             _note(plan, "shadow rays", why, "a light other than a dome")
         light_effects = _light_effects(plan, lights)
-        plan.path = PathKey(shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs)
+        terms = terms_of(request.outputs)
+        named = ", ".join(f"color:{number}" for number in terms)
+        _note(plan, "single terms", f"{named} asked for" if named else "", "--aov color:0, color:1, …")
+        plan.path = PathKey(
+            shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs, bool(terms)
+        )
         _bound_bounces(plan, scene, request)
     return plan
 
@@ -271,6 +297,20 @@ def _cheaper(scene: Scene, request: Request, pixels: int) -> tuple[str, str]:
     return "raster" if raster < rays else "rays", f"{faces} triangles, {pixels} pixels: {milliseconds}"
 
 
+def covers(wide: PathKey | OutputsKey | None, narrow: PathKey | OutputsKey | None) -> bool:
+    """Whether the kernel of one key draws all that another key asks for, to the bit: it has more compiled in."""
+    if wide is None or narrow is None:
+        return wide is narrow
+    for part in fields(wide):
+        more, less = getattr(wide, part.name), getattr(narrow, part.name)
+        if part.name == "outputs" or not isinstance(more, (tuple, bool)):
+            if more != less:
+                return False
+        elif (less and not more) if isinstance(more, bool) else not set(less) <= set(more):
+            return False
+    return True
+
+
 def everything() -> PathKey:
     """The key with every effect compiled in: another kernel, the same pictures."""
     return PathKey(
@@ -282,14 +322,16 @@ def everything() -> PathKey:
         sampled_lights=True,
         straight_through=True,
         features=FEATURES,
+        terms=True,
     )
 
 
 def check_outputs(names: tuple[str, ...]) -> None:
     """Raise a SceneError at the first name that is no output."""
     for name in names:
-        if name not in OUTPUTS and name not in FILM_OUTPUTS and name != "color":
-            raise SceneError(f"output {name!r} is not one of color, {', '.join((*OUTPUTS, *FILM_OUTPUTS))}")
+        if name not in OUTPUTS and name not in FILM_OUTPUTS and name != "color" and term_of(name) is None:
+            known = ", ".join((*OUTPUTS, *FILM_OUTPUTS))
+            raise SceneError(f"output {name!r} is not one of color, color:0, color:1, …, {known}")
 
 
 def _check(request: Request) -> None:
@@ -421,8 +463,18 @@ def _largest_albedo(scene: Scene, request: Request) -> float:
     return 1.0 if request.energy_compensation and albedo > 0.0 else min(albedo, 1.0)
 
 
+def _last_term(request: Request) -> int | None:
+    """The highest term that is asked for, None where color with all of them is."""
+    terms = terms_of(request.outputs)
+    of_all = any(name == "color" or name in FILM_OUTPUTS for name in request.outputs)
+    return terms[-1] if terms and not of_all else None
+
+
 def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
-    """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted."""
+    """With largest albedo ρ, what d bounces leave out is at most ρ^(d+1) / (1 - ρ) of what is emitted.
+
+    Single terms of color follow no bounce behind the last; -1 bounces are emission alone.
+    """
     if plan.transport in ONE_SURFACE:
         plan.bounds = {"bounces": 0}
         return
@@ -438,5 +490,9 @@ def _bound_bounces(plan: RenderPlan, scene: Scene, request: Request) -> None:
         elif albedo < 1.0:
             needed = math.log(BOUNCE_TOLERANCE * (1.0 - albedo)) / math.log(albedo) - 1.0
             bounces = int(min(MOST_BOUNCES, max(0, math.ceil(needed))))
+    last = _last_term(request)
+    if last is not None:
+        # Term n is what n - 1 bounces bring; for term 0 nothing is scattered.
+        bounces = min(bounces, last - 1)
     unfollowed = albedo ** (bounces + 1) / (1.0 - albedo) if albedo < 1.0 else math.inf
     plan.bounds = {"albedo": albedo, "bounces": bounces, "unfollowed": unfollowed}

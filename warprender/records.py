@@ -12,6 +12,9 @@ from .numerics import mat34
 #: Kinds of `Geometry`.
 MESH, SPHERE = 0, 1
 
+#: `Instance.placed` of what is hidden or has no usable transform; its `to_object` is zero, which no ray enters.
+NOT_DRAWN = 2
+
 #: Number of inputs that a material row has room for.
 MATERIAL_INPUTS = 16
 
@@ -151,12 +154,12 @@ class Geometry:
 
 @wp.struct
 class Instance:
-    """One geometry, placed in the world."""
+    """One geometry, placed in the world; matrices for column vectors. The tree's scale is in `to_object`."""
 
     to_object: mat34
     to_world: mat34
     geometry: wp.int32
-    placed: wp.int32  # 0 where to_object is the identity
+    placed: wp.int32  # 0 where to_object is the identity, NOT_DRAWN where nothing is there to see
 
 
 @wp.struct
@@ -401,18 +404,14 @@ class GeometryRecord:
 
 @wp.struct
 class InstanceRecord:
-    """A placed shape: world = linear object + translation. `material` -1 asks the geometry's `face_material`.
-
-    `light` is the light that it is, where it glows and next-event estimation aims at it; -1 otherwise.
+    """What a placed shape is; where it is stands in `World.instances`. `material` -1 asks the geometry's
+    `face_material`. `light` is the light that it is, where it glows and next-event estimation aims at it; else -1.
     """
 
     geometry: wp.int32
     material: wp.int32
     prim: wp.int32
     instance_id: wp.int32
-    linear: wp.mat33
-    inverse: wp.mat33
-    translation: wp.vec3
     light: wp.int32
 
 

@@ -5,26 +5,29 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import warp as wp
 
+from .attaching import posed_transforms
 from .camera import Camera
 from .denoise import GUIDES, MISSING, available, denoised
-from .emitters import lit
-from .film import Film, filter_table, pixel_offset
-from .frame import Frame
-from .framing import choose_camera, choose_data_window, choose_resolution
+from .film import filter_table, pixel_offset
+from .films import Films
+from .frame import Frame, Stats
+from .framing import camera_at, choose_camera, choose_camera_path, choose_data_window, choose_resolution
 from .integrators import RADIANCE
 from .integrators.none import launch_outputs
 from .integrators.samples import PathRequest, launch_samples, samples_kernel
 from .launch import thread_count
-from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs
+from .live import LiveScene
+from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, term_of, terms_of
 from .plan import LIGHT_BY_LIGHT, OutputsKey, PathKey, RenderPlan, Request, analyse
 from .receipt import make_receipt
-from .scene import Scene, SceneError
+from .scene import Scene, SceneError, pose_matrix
 from .texels import TEXTURE_BYTES
-from .upload import Upload, camera_light_at
 from .visibility.first_hits import RasterHits, RayHits
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
@@ -45,15 +48,15 @@ Progress = Callable[[float, Callable[[], Frame]], None]
 class Renderer:
     """Renders one scene from one camera.
 
-    The scene is uploaded once, here: what changes in it later is not seen.
+    The scene is uploaded here. What changes in it later is seen from the next `update` on.
 
     Args:
         scene: what to draw.
         camera: a `Camera`, a camera's prim path or name, or None for usdrecord's choice: the render settings'
             camera, else one named main_cam, else one that frames everything.
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
-        outputs: a name, or several: "color", the AOVs of `warprender.outputs.OUTPUTS`, and for study "sampleCount",
-            "standardError" and "rayCount".
+        outputs: a name, or several: "color", its single terms "color:0", "color:1", …, the AOVs of
+            `warprender.outputs.OUTPUTS`, and for study "sampleCount", "standardError" and "rayCount".
         visibility: how first surfaces are found: "rays", "raster" (exact edges and a depth buffer), "painter"
             (triangles back to front, as it was done before depth buffers), or "auto": what should take less time.
             Colour that the rasterizer cannot see (depth of field, paths through what is clear) is made of rays.
@@ -78,7 +81,7 @@ class Renderer:
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
-        camera: the `Camera` that was chosen.
+        camera: the `Camera` that was chosen, where `update` has last seen it.
         data_window: which pixels of the picture are drawn: all, or those of the render settings' dataWindowNDC.
         resolution: (width, height) of the data window in pixels.
 
@@ -110,9 +113,8 @@ class Renderer:
         """Plan, compile and upload."""
         start = time.perf_counter()
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
-        self.camera = camera if isinstance(camera, Camera) else choose_camera(scene, camera)
-        if fault := self.camera.fault():
-            raise SceneError(f"camera: {fault}")
+        self._choose(camera)
+        self._see_camera()
         full = resolution or choose_resolution(scene, self.camera)
         if min(full) < 1:
             raise SceneError(f"resolution {full[0]}x{full[1]} has no pixels")
@@ -133,40 +135,22 @@ class Renderer:
             texture_bytes,
             denoise,
         )
-        with_camera_light = use_camera_light(scene, camera_light)
-        self.plan: RenderPlan = analyse(
-            scene, self.camera, self.request, with_camera_light, self.resolution[0] * self.resolution[1]
-        )
-
-        lights = lit(scene, with_camera_light)
-        if with_camera_light:
-            camera_light_at(lights["camera light"], self.camera.transform)
-        self._upload = Upload(scene, lights, self.camera.transform[3, :3], device, texture_bytes, self.plan.sdfs)
-        self._upload.record.energy_compensation = int(energy_compensation)
-        self._upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
-        for warning in self._upload.warnings:
-            scene.warn(warning)
-        if not (scene.placements or dome_light_visible or lights_visible):
-            scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
-        settings = scene.settings
-        self._camera_record = self.camera.record(
-            *self.data_window.full,
-            self._upload.origin,
-            settings.pixelAspectRatio,
-            settings.aspectRatioConformPolicy,
-            device,
-            self.data_window,
-        )
         if denoise and not available():
             raise SceneError(MISSING)
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
+        self._with_camera_light = use_camera_light(scene, camera_light)
+        self.plan: RenderPlan = self._analyse()
+        self._live = LiveScene(
+            scene, device, self.camera.transform, self._with_camera_light, self.plan.sdfs, texture_bytes
+        )
+        if not (scene.placements or dome_light_visible or lights_visible):
+            scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
         self._sobol = sampler == "sobol"
-        plan = self.plan
-        self._first_hits = None if plan.outputs is None else self._see(plan.visibility, plan.outputs)
-        by_raster = plan.path is not None and plan.color_visibility != "rays"
-        self._color_hits = self._see(plan.color_visibility, plan.path) if by_raster else None
-        self._film, self._filter_table = Film(*self.resolution, device, filter), filter_table(filter)
+        self._finders: dict[str, tuple[tuple, RayHits | RasterHits]] = {}
+        self._look()
+        self._films = Films(*self.resolution, device, filter, terms_of(outputs))
+        self._filter_table = filter_table(filter)
         self._seconds = {"prepare": time.perf_counter() - start}
 
     def render(
@@ -209,17 +193,121 @@ class Renderer:
             self._seconds["sample"] = time.perf_counter() - start
         return self._frame(values, taken, seed, interrupted)
 
+    def update(self) -> None:
+        """Follow what has changed in the scene since it was last looked at.
+
+        Call it after writing into the points of meshes, `Scene.set_poses`, or other changes, and before `render`. Until
+        then pictures show points as they were written with trees as they were built: what was moved may be cut off
+        or missing, but nothing is read that is not there.
+
+        Trees are refitted, and rebuilt once rays are expected to take twice the steps through them. Meshes whose
+        points nobody was given are left alone. Nothing is compiled for what the plan names already.
+
+        Raises:
+            SceneError: the points of a mesh were replaced by another array, or the camera can take no picture.
+        """
+        start = time.perf_counter()
+        effects = self.camera.effects()
+        self._see_camera()
+        if self._live.look_again() or effects != self.camera.effects():
+            self.plan = self._analyse().kept_from(self.plan, self.camera)
+        self._live.update(self.camera.transform, self.plan.sdfs)
+        self._look()
+        self._seconds["update"] = time.perf_counter() - start
+
+    def set_camera(self, camera: Camera | str | np.ndarray | Sequence) -> None:
+        """Look through another camera, or from another place; seen from the next picture on.
+
+        Args:
+            camera: a `Camera`, the path or name of one in the scene, or a camera-to-world transform: a (4, 4) matrix
+                for row vectors, or position and quaternion xyzw.
+
+        Raises:
+            SceneError: there is no such camera, or it can take no picture.
+        """
+        if isinstance(camera, (str, Camera)):
+            self._choose(camera)
+        else:
+            self._choose(replace(self.camera, transform=pose_matrix(camera, "camera")))
+        self.update()
+
     def standard_error(self) -> np.ndarray:
         """(H, W, 3) float64 standard error of the last frame's colour; inf where a pixel has under two samples."""
-        return self._film.standard_error() * self.camera.exposureScale
+        return self._films.last.standard_error() * self.camera.exposureScale
+
+    def _analyse(self) -> RenderPlan:
+        pixels = self.resolution[0] * self.resolution[1]
+        return analyse(self.scene, self.camera, self.request, self._with_camera_light, pixels)
+
+    def _choose(self, camera: Camera | str | None) -> None:
+        """Take a camera, or remember the path of one in the scene, which poses may move."""
+        if isinstance(camera, Camera):
+            self._camera_chosen = camera
+            path = next((path for path, other in self.scene.cameras.items() if other is camera), "")
+        else:
+            path = choose_camera_path(self.scene, camera)
+            self._camera_chosen = None if path else choose_camera(self.scene, camera)
+        self._camera_path = path
+
+    def _see_camera(self) -> None:
+        """The camera, where poses have put it.
+
+        Raises:
+            SceneError: it can take no picture, or is gone.
+        """
+        path, camera = self._camera_path, self._camera_chosen
+        if camera is None:
+            if path not in self.scene.cameras:
+                raise SceneError(f"{path}: the camera is no longer in the scene")
+            camera = camera_at(self.scene, path)
+        moved = posed_transforms(self.scene, {path: camera.transform}) if path else {}
+        if moved:
+            camera = replace(camera, transform=moved[path])
+        if fault := camera.fault():
+            raise SceneError(f"{path or 'camera'}: {fault}")
+        self.camera = camera
+
+    def _look(self) -> None:
+        """Prepare for the camera, the instances and the plan as they are."""
+        upload, settings = self._live.upload, self.scene.settings
+        self._camera_record = self.camera.record(
+            *self.data_window.full,
+            upload.origin,
+            settings.pixelAspectRatio,
+            settings.aspectRatioConformPolicy,
+            self.device,
+            self.data_window,
+        )
+        upload.record.energy_compensation = int(self.request.energy_compensation)
+        upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
+        plan = self.plan
+        self._first_hits = self._color_hits = None
+        if plan.outputs is not None:
+            self._first_hits = self._finder("outputs", plan.visibility, plan.outputs)
+        if plan.path is not None and plan.color_visibility != "rays":
+            self._color_hits = self._finder("color", plan.color_visibility, plan.path)
+
+    def _finder(self, use: str, visibility: str, key: PathKey | OutputsKey) -> RayHits | RasterHits:
+        """What finds first hits for one use of them, as they are now; the one before, where it can follow."""
+        kind = self._live.upload, visibility, key.camera, key.sdfs
+        known = self._finders.get(use)
+        if known is not None and known[0] == kind:
+            known[1].follow(self._live.record, self._camera_record)
+            return known[1]
+        self._finders[use] = kind, self._see(visibility, key)
+        return self._finders[use][1]
 
     def _see(self, visibility: str, key: PathKey | OutputsKey) -> RayHits | RasterHits:
         """What finds first hits for a kernel by "rays", "raster" or "painter"."""
-        scene, camera = self._upload.record, self._camera_record
+        upload, camera = self._live.upload, self._camera_record
         if visibility == "rays":
-            return RayHits(scene, camera, key.camera, self.device, key.sdfs)
-        bounds, painter = self._upload.bounds - self._upload.origin, visibility == "painter"
-        return RasterHits(scene, self._upload.geometries, bounds, camera, key.camera, self.device, painter, key.sdfs)
+            return RayHits(upload.record, camera, key.camera, self.device, key.sdfs)
+        painter, boxes = visibility == "painter", upload.world.boxes
+        instances, rayed = upload.rows["geometry"], upload.boxes_for_rays()
+        triangles = [part.record for part in upload.parts]
+        return RasterHits(
+            upload.record, triangles, instances, rayed, boxes, camera, key.camera, self.device, painter, key.sdfs
+        )
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
@@ -228,7 +316,7 @@ class Renderer:
         for name, array in values.items():
             setattr(buffers, name, array)
         hits = self._first_hits.find(self.threads)
-        scene, camera = self._upload.record, self._camera_record
+        scene, camera = self._live.record, self._camera_record
         launch_outputs(self.plan.outputs, scene, camera, hits, buffers, self.device, self.threads)
         return values
 
@@ -242,7 +330,7 @@ class Renderer:
         values: dict[str, wp.array],
     ) -> tuple[float, bool]:
         """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
-        self._film.clear()
+        self._films.turn()
         request = self._path_request(seed)
         limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
         pixels = self.resolution[0] * self.resolution[1]
@@ -264,7 +352,7 @@ class Renderer:
                 if batch < 1 or left <= _SPARE_SHARE * elapsed:
                     break
                 if error is not None and taken >= next_check:
-                    if self._film.relative_error() <= error:
+                    if self._films.last.relative_error() <= error:
                         break
                     next_check = math.ceil(_CHECK_FACTOR * taken)
                 batch = max(1, min(2 * batch, int(min(_PASS_SECONDS, left) / per_sample)))
@@ -272,7 +360,7 @@ class Renderer:
                     batch = max(1, round(pixels * left / per_sample)) / pixels
                 if progress is not None:
                     share = max(taken / limit, elapsed / seconds if seconds else 0.0)
-                    progress(share, lambda n=taken: self._frame(values, n, seed, True))
+                    progress(share, lambda n=taken: self._frame(values, n, seed, True, settled=True))
         except KeyboardInterrupt:
             return taken, True
         return taken, False
@@ -282,6 +370,7 @@ class Renderer:
         request.seed = seed & 0xFFFFFFFF
         request.sobol = int(self._sobol)
         request.bounces = int(self.plan.bounds["bounces"])
+        request.terms = self._films.last.terms
         request.visible.lights = int(self.request.lights_visible)
         request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
@@ -291,16 +380,17 @@ class Renderer:
         if self._color_hits is None:
             self._launch(request, first_sample, samples, pixels)
             return
-        for sample in range(first_sample, first_sample + samples):
+        # Even without samples once: that compiles.
+        for sample in range(first_sample, first_sample + max(samples, 1)):
             offset = pixel_offset(self._filter_table, request.seed, sample)
             request.hits, request.offset = self._color_hits.find(self.threads, offset), wp.vec2(*offset)
-            self._launch(request, sample, 1, pixels)
+            self._launch(request, sample, min(samples, 1), pixels)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
         request.first_sample, request.samples = first_sample, samples
-        scene, camera, film, key = self._upload.record, self._camera_record, self._film.record, self.plan.path
+        scene, camera, film, key = self._live.record, self._camera_record, self._films.last.record, self.plan.path
         radiance, rasterized = RADIANCE[self.plan.transport](key), self._color_hits is not None
-        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized)
+        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized, key.terms)
         launch_samples(kernel, scene, camera, request, film, self.device, self.threads, pixels)
         wp.synchronize_device(self.device)
 
@@ -310,29 +400,32 @@ class Renderer:
         self._seconds["denoise"] = time.perf_counter() - start
         return wp.array(color, dtype=wp.vec4, device=self.device)
 
-    def _frame(self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool) -> Frame:
-        outputs = dict(values)
-        stats = {"seconds": dict(self._seconds), "samples": samples, "interrupted": interrupted}
-        if self.plan.path is not None:
-            exposure = self.camera.exposureScale
-            outputs["color"] = self._film.color(exposure, self.threads)
+    def _frame(
+        self, values: dict[str, wp.array], samples: int, seed: int, interrupted: bool, settled: bool = False
+    ) -> Frame:
+        """The frame as it is now. Its statistics are left to who asks, unless they are to be `settled` at once."""
+        outputs, plan, camera = dict(values), self.plan, replace(self.camera)
+        stats = Stats(seconds=dict(self._seconds), samples=samples, interrupted=interrupted)
+        if plan.path is not None:
+            film, exposure = self._films.last, camera.exposureScale
+            outputs["color"] = film.color(exposure, self.threads)
             if self.request.denoise:
                 outputs["color"] = self._denoised(outputs)
                 stats["denoised"], stats["seconds"] = True, dict(self._seconds)
-            outputs |= {n: self._film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
-            stats["rays"] = self._film.ray_counts()
-            stats["error"] = self._film.relative_error()
-            stats["frame error"] = self._film.frame_error()
-            stats["dropped samples"] = self._film.dropped_samples()
-            stats["unfollowed rays"] = self._film.unfollowed_rays()
-        stats["texture bytes"] = self._upload.texture_bytes
-        stats["plan"] = self.plan.as_dict()
+            outputs |= {n: film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
+            terms = {n: number for n in self.request.outputs if (number := term_of(n)) is not None}
+            outputs |= {n: film.term(number, exposure) for n, number in terms.items()}
+            stats["rays"], stats["error"] = film.ray_counts, film.relative_error
+            stats["frame error"], stats["dropped samples"] = film.frame_error, film.dropped_samples
+            stats["unfollowed rays"] = film.unfollowed_rays
+            self._films.describe(stats)
+        stats["texture bytes"] = self._live.upload.texture_bytes
+        stats["plan"] = plan.as_dict
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
-        receipt = make_receipt(
-            self.scene, self.plan, self.request, self.camera, self.data_window.full, samples, seed, self.device
-        )
-        return Frame(ordered, stats, receipt, self.data_window)
+        facts = self.scene, plan, self.request, camera, self.data_window.full, samples, seed, self.device
+        settled_stats = stats.settle() if settled else stats
+        return Frame(ordered, settled_stats, partial(make_receipt, *facts), self.data_window)
 
 
 def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int | None = None, **options) -> Frame:

@@ -37,6 +37,7 @@ def mix_bits(x: wp.uint64) -> wp.uint64:
 class SampleStream:
     """The numbers of one sample of one pixel: a key, and for Sobol points the index in the pixel's sequence."""
 
+    pixel: wp.int32
     key: wp.uint64
     index: wp.uint32
     sobol: wp.int32
@@ -50,6 +51,7 @@ def sample_stream(seed: wp.uint32, pixel: wp.int32, sample: wp.int32, sobol: wp.
     lie apart tells the error, which the spread of single samples overstates.
     """
     stream = SampleStream()
+    stream.pixel = pixel
     number = sample
     if sobol != 0:
         stream.sobol = 1
@@ -64,6 +66,7 @@ def sample_stream(seed: wp.uint32, pixel: wp.int32, sample: wp.int32, sobol: wp.
 def branch(stream: SampleStream, number: wp.int32) -> SampleStream:
     """A stream of the same sample for one of several things that are sampled alike; number 0 has the stream itself."""
     result = SampleStream()
+    result.pixel = stream.pixel
     result.key = stream.key
     result.index = stream.index
     result.sobol = stream.sobol

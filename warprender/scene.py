@@ -1,7 +1,8 @@
 """The scene on the host: what to draw, where, of what, and under which lights.
 
-A `Scene` is a plain description. Transforms are float64 and keep prim paths; nothing here touches a device.
-`Renderer` uploads it, `warprender.usd` reads it from a stage, and the `add_*` methods build one in Python.
+A `Scene` is a plain description. Transforms are float64 and keep prim paths; of what is here, only points and poses
+that a simulation gives are on a device. `Renderer` uploads it, `warprender.usd` reads it from a stage, and the `add_*`
+methods build one in Python.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import warp as wp
 
+from .bodies import Bodies, Name, ancestors, as_names, pose_array
 from .camera import Camera
 from .lights import Light
 from .materials import DisplayColor, Material
 from .materials.displacement import displaced
 from .materials.inputs import Varying
 from .shapes import Mesh, Primvar, Sdf, Sphere
+from .watched import Watched
 
 
 class SceneError(ValueError):
@@ -25,15 +28,17 @@ class SceneError(ValueError):
 
 
 @dataclass
-class Placement:
+class Placement(Watched):
     """A shape drawn one or many times with one material: a prim, or a prim under an instancer.
 
     Attributes:
         path: prim path; names the prim in warnings and ids.
         shape: the geometry, stored once however often it is placed.
-        transforms: (K, 4, 4) float64 object-to-world matrices for row vectors, as in USD: p' = p M.
+        transforms: (K, 4, 4) float64 object-to-world matrices for row vectors, as in USD: p' = p M. A renderer makes
+            them read-only: to move the prim by the host, assign others.
         material: key into `Scene.materials`; "" for `Scene.materials[""]`, the display colour.
         instance_ids: (K,) int32, UsdGeomPointInstancer index of each copy, -1 where there is no instancer.
+        visible: whether it is drawn, for all copies or (K,) for each.
     """
 
     path: str
@@ -41,6 +46,7 @@ class Placement:
     transforms: np.ndarray
     material: str = ""
     instance_ids: np.ndarray | None = None
+    visible: bool | np.ndarray = True
 
     def __post_init__(self) -> None:
         self.transforms = np.asarray(self.transforms, np.float64).reshape(-1, 4, 4)
@@ -125,6 +131,9 @@ class Scene:
         layers: the other layers that the stage is composed of, as paths.
         bounds: (2, 3) float64 world box of what is drawn, as the stage states it, or None.
         warnings: one line for each thing that the stage asks for and that is not drawn as asked.
+        frames: path to the (4, 4) float64 local-to-world matrix, for row vectors, of prims that are not drawn
+            themselves but have drawn ones below them.
+        bodies: what `set_poses` has moved.
     """
 
     placements: dict[str, Placement] = field(default_factory=dict)
@@ -139,6 +148,8 @@ class Scene:
     layers: list[str] = field(default_factory=list)
     bounds: np.ndarray | None = None
     warnings: list[str] = field(default_factory=list)
+    frames: dict[str, np.ndarray] = field(default_factory=dict)
+    bodies: Bodies = field(default_factory=Bodies)
 
     def warn(self, message: str) -> None:
         """Keep a one-line warning, once."""
@@ -308,9 +319,8 @@ class Scene:
             raise SceneError(f"{path}: there is no prim {prototype} to draw instances of")
         source = self.placements[prototype]
         transforms = np.stack([pose_matrix(p, path) for p in poses]) if len(poses) else np.zeros((0, 4, 4))
-        placement = Placement(
-            path, source.shape, transforms, source.material, np.arange(len(transforms), dtype=np.int32)
-        )
+        ids = np.arange(len(transforms), dtype=np.int32)
+        placement = Placement(path, source.shape, transforms, source.material, ids)
         self.placements[path] = placement
         return placement
 
@@ -356,6 +366,92 @@ class Scene:
         self.cameras[path] = camera
         return camera
 
+    def remove(self, path: str) -> None:
+        """Take a prim, light or camera out of the scene; heeded by the next `Renderer.update`.
+
+        Raises:
+            SceneError: there is nothing of this path.
+        """
+        for things in (self.placements, self.lights, self.cameras):
+            if things.pop(path, None) is not None:
+                return
+        raise SceneError(f"{path}: there is no such prim, light or camera to remove")
+
+    def ids(self, paths: Name | Sequence[Name], device: str | None = None) -> wp.array:
+        """Numbers by which `set_poses` knows prims; they stay the same for as long as the scene lives.
+
+        Args:
+            paths: prim paths of meshes, spheres, instancers, lights, cameras, or of anything above them, which then
+                moves with all that is below it; or pairs (path, k) for copy k of an instancer.
+            device: of the poses to come; None is Warp's current one.
+
+        Returns:
+            (N,) int32 on that device, made once for the same paths.
+
+        Raises:
+            SceneError: a path is not in the scene, or occurs twice.
+        """
+        names, device = as_names(paths), str(wp.get_device(device))
+        if (known := self.bodies.known(names, device)) is not None:
+            return known
+        for name in names:
+            self._check_body(name)
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise SceneError(f"{twice}: the path occurs twice among those to move")
+        return self.bodies.ids(names, device)
+
+    def set_poses(self, paths: Name | Sequence[Name] | wp.array, poses: wp.array | np.ndarray) -> None:
+        """Move prims; seen from the next `Renderer.update` on. Poses on a device stay there: it is one launch.
+
+        A pose is prim to world, position and quaternion xyzw (of any length). It replaces the prim's transform but
+        for its scale and shear, which are kept: the factor that stays when the rotation nearest to the transform is
+        taken out, mirrored through the origin where the transform mirrors. What is below the prim moves with it,
+        unless it has been posed itself.
+
+        Args:
+            paths: what to move, as for `ids`, or what `ids` returned, which spares looking the paths up.
+            poses: (N,) `wp.array(dtype=wp.transformf)`. float32 counts positions far from the world's origin
+                coarsely: `wp.transformd`, or numbers (N, 7) from the host, keep float64.
+
+        Raises:
+            SceneError: as `ids` does; or the arrays are not alike in length, types or device.
+        """
+        try:
+            poses = pose_array(poses, str(paths.device) if isinstance(paths, wp.array) else None)
+        except ValueError as error:
+            raise SceneError(f"set_poses: {error}") from None
+        ids = paths if isinstance(paths, wp.array) else self.ids(paths, str(poses.device))
+        if ids.dtype != wp.int32 or ids.ndim != 1 or ids.device != poses.device:
+            raise SceneError(f"set_poses: ids are not a wp.array of int32 on {poses.device}, as Scene.ids returns them")
+        if len(ids) != len(poses):
+            raise SceneError(f"set_poses: {len(poses)} poses for {len(ids)} prims")
+        self.bodies.store(ids, poses)
+
+    def set_visible(self, paths: str | Sequence[str], visible: bool) -> None:
+        """Show or hide prims and lights, and all that is below them, from the next `Renderer.update` on.
+
+        Raises:
+            SceneError: a path is not in the scene.
+        """
+        for path in (paths,) if isinstance(paths, str) else paths:
+            self._check_body(path)
+            for things in (self.placements, self.lights):
+                for name in things:
+                    if path in ancestors(name):
+                        things[name].visible = visible
+
+    def _check_body(self, name: Name) -> None:
+        """Raise a SceneError unless there is something to move by this name."""
+        if isinstance(name, str):
+            things = (self.frames, self.placements, self.lights, self.cameras)
+            if any(name in t for t in things) or any(name in ancestors(p) for t in things for p in t):
+                return
+            raise SceneError(f"{name}: there is no such prim in the scene")
+        path, copy = name
+        if path not in self.placements or copy not in copies_of(self.placements[path]):
+            raise SceneError(f"{path}: there is no such prim, or it has no copy {copy}")
+
     def _claim(self, path: str) -> None:
         if path in self.placements or path in self.lights or path in self.cameras:
             raise SceneError(f"{path}: the path is already in the scene")
@@ -366,7 +462,7 @@ class Scene:
         displacement = getattr(material, "displacement", 0.0)
         if not isinstance(displacement, Varying) and displacement == 0.0:
             return shape
-        if isinstance(getattr(shape, "points", None), wp.array):
+        if isinstance(getattr(shape, "stored", None), wp.array):
             self.warn(f"{path}: it is not displaced: its points are used in place")
             return shape
         try:
@@ -385,6 +481,12 @@ class Scene:
             key = f"{path}/material"
             self.materials[key] = material
         self.placements[path] = Placement(path, shape, pose_matrix(pose, path)[None], key)
+
+
+def copies_of(placement: Placement) -> np.ndarray:
+    """(K,) numbers of the copies: those of the instancer, or where there is none, from 0 on."""
+    ids = placement.instance_ids
+    return ids if (ids >= 0).all() else np.arange(len(ids))
 
 
 def pose_matrix(pose: object, path: str) -> np.ndarray:

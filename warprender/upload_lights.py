@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from .emitters import emits
-from .lights import DomeLight, Light, MeshLight
+from .lights import DomeLight, IesProfile, Light, LightTexture, MeshLight
 from .lights.dispatch import kind_of
 from .lights.linking import LinkSets
 from .lights.mesh import BOTH, OUTSIDE, OUTSIDE_BEHIND
 from .lights.tree import LightBounds, build
 from .records import (
+    NOT_DRAWN,
     SHADOW_CHANGED,
     SHADOW_NONE,
     SHADOW_PLAIN,
@@ -25,8 +27,10 @@ from .records import (
     ProfileRecord,
 )
 from .scene import Placement, Scene
-from .shapes import Mesh, Sdf, Sphere
+from .shapes import Mesh, Sphere
 from .upload_glow import MOST_LEAVES, GlowLeaves, GlowTables, outside_of
+from .upload_shapes import Part
+from .visibility.world_tree import WorldTree
 
 
 @dataclass
@@ -35,19 +39,60 @@ class Placed:
 
     Attributes:
         instances: the instance records; `light` is filled in here.
-        shapes: geometry number to its shape.
-        kept: geometry number to the (T,) bool of the mesh's triangles that are on the device.
-        boxes: (instances, 2, 3) float64 world boxes.
-        bounds: (2, 3) float64 world box of everything placed.
+        parts: the shapes by geometry number.
+        world: where the instances are.
         origin: (3,) world position that positions on the device are relative to.
     """
 
     instances: np.ndarray
-    shapes: dict[int, Mesh | Sphere | Sdf]
-    kept: dict[int, np.ndarray]
-    boxes: np.ndarray
-    bounds: np.ndarray
+    parts: list[Part]
+    world: WorldTree
     origin: np.ndarray
+
+    @cached_property
+    def boxes(self) -> np.ndarray:
+        """(instances, 2, 3) float64 boxes relative to the origin; NaN for what is not drawn."""
+        return self.world.boxes()
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """(instances,) rows of `Instance`."""
+        return self.world.instances.numpy()
+
+    def radius(self) -> float:
+        """Half the diagonal of all that is drawn."""
+        return scene_radius(self.boxes)
+
+
+class Pictures:
+    """Light pictures and profiles on a device, each once. Owns their arrays."""
+
+    def __init__(self) -> None:
+        """None yet."""
+        self.images: list[ImageRecord] = []
+        self.profiles: list[ProfileRecord] = []
+        self._numbers: dict[int, int] = {}
+        self._kept: list[object] = []
+
+    def image(self, picture: LightTexture, device: str, of_dome: bool) -> tuple[int, bool]:
+        """The number of a picture, and whether it was uploaded just now."""
+        if id(picture) in self._numbers:
+            return self._numbers[id(picture)], False
+        record, kept = picture.upload(device, of_dome)
+        return self._add(picture, self.images, record, kept), True
+
+    def profile(self, profile: IesProfile, device: str) -> int:
+        """The number of a profile."""
+        if id(profile) in self._numbers:
+            return self._numbers[id(profile)]
+        return self._add(profile, self.profiles, *profile.upload(device))
+
+    def _add(self, source: object, records: list, record: object, kept: list[object]) -> int:
+        records.append(record)
+        # The source, too: its id must not become another's.
+        self._kept += [source, *kept]
+        self._numbers[id(source)] = len(records) - 1
+        return len(records) - 1
 
 
 class LightUpload:
@@ -55,26 +100,36 @@ class LightUpload:
 
     Attributes:
         warnings: one line for each light that gives none.
+        count: lights, each copy of geometry that glows for itself.
+        glowing: numbers of the geometries that glow.
+        radius: of the scene, by which the power of lights at infinity was weighed.
+        weighs_by_radius: whether it mattered.
     """
 
     def __init__(
-        self, scene: Scene, lights: dict[str, Light], placed: Placed, record: DeviceScene, device: str
+        self,
+        scene: Scene,
+        lights: dict[str, Light],
+        placed: Placed,
+        record: DeviceScene,
+        device: str,
+        before: LightUpload | None = None,
     ) -> None:
-        """Fill in the lights of `record`, and `light` of the placed instances."""
+        """Fill in the lights of `record`, and `light` of the placed instances.
+
+        Pictures and profiles are taken over from the upload `before`.
+        """
         self.device = device
         self.warnings: list[str] = []
         self._kept: list[object] = []
         self._placed, self._scene = placed, scene
         self._prims = {path: number for number, path in enumerate(scene.placements)}
         self._links = LinkSets(scene.placements)
-        self._images: dict[int, int] = {}
-        self._profiles: dict[int, int] = {}
-        self._image_records: list[ImageRecord] = []
-        self._profile_records: list[ProfileRecord] = []
+        self._pictures = before._pictures if before else Pictures()
         self._glow = GlowTables()
         self._glow_leaves: dict[int, GlowLeaves] = {}
         self._portals: list[np.void] = []
-        self._radius = max(float(np.linalg.norm(placed.bounds[1] - placed.bounds[0])) / 2, 1e-6)
+        self.radius = placed.radius()
         self._fill(lights, record)
 
     def _fill(self, lights: dict[str, Light], record: DeviceScene) -> None:
@@ -88,6 +143,9 @@ class LightUpload:
             if instance >= 0 and power[number] > 0:
                 self._placed.instances["light"][instance] = number
         infinite = np.array([light.infinite for _, light, _ in members], bool)
+        self.weighs_by_radius = bool(infinite.any()) and len(members) > 1
+        self.glowing = {int(self._placed.instances["geometry"][i]) for _, _, i in members if i >= 0}
+        self.count = len(members)
         finite = rows["instance"] < 0
         finite &= ~infinite
         bounds = self._bounds(members, rows, power)
@@ -99,8 +157,8 @@ class LightUpload:
         if finite.any():
             self._build_boxes(bounds, finite, record)
         record.lights = self._array(rows, LightRecord)
-        record.images = self._array(self._image_records, ImageRecord)
-        record.profiles = self._array(self._profile_records, ProfileRecord)
+        record.images = self._array(self._pictures.images, ImageRecord)
+        record.profiles = self._array(self._pictures.profiles, ProfileRecord)
         record.link_sets = self._keep(self._links.upload(self.device))
         record.portals = self._array(np.array(self._portals, LightRecord.numpy_dtype()), LightRecord)
         record.glow_triangles = self._array(np.concatenate([[], *self._glow.triangles]).astype(np.int32), wp.int32)
@@ -109,9 +167,10 @@ class LightUpload:
 
     def _members(self, lights: dict[str, Light]) -> list[tuple[str, Light, int]]:
         """Path, light and instance (-1 for none) of each device light: finite ones, infinite ones, geometry."""
-        met = [(path, light, -1) for path, light in lights.items() if not isinstance(light, MeshLight)]
+        shown = {path: light for path, light in lights.items() if light.visible}
+        met = [(path, light, -1) for path, light in shown.items() if not isinstance(light, MeshLight)]
         members = sorted(met, key=lambda member: member[1].infinite)
-        for path, light in lights.items():
+        for path, light in shown.items():
             if isinstance(light, MeshLight):
                 members += self._copies(path, light)
         return members
@@ -120,6 +179,11 @@ class LightUpload:
         """One light for each instance of the prim that it makes glow, with its area."""
         placement = self._scene.placements.get(light.prim)
         copies = np.flatnonzero(self._placed.instances["prim"] == self._prims.get(light.prim, -1))
+        hidden = placement is not None and not np.any(placement.visible)
+        if len(copies):
+            copies = copies[self._placed.places["placed"][copies] != NOT_DRAWN]
+        if not len(copies) and hidden:
+            return []
         if placement is None or not len(copies):
             self.warnings.append(f"{path}: {light.prim} is not drawn and gives no light")
             return []
@@ -129,8 +193,8 @@ class LightUpload:
 
     def _count_glowing(self, members: list[tuple[str, Light, int]]) -> int:
         """Triangles of all geometry that glows."""
-        shapes = [self._placed.instances[instance]["geometry"] for _, _, instance in members if instance >= 0]
-        return sum(int(self._placed.kept[int(g)].sum()) for g in shapes if int(g) in self._placed.kept)
+        shapes = [self._placed.instances["geometry"][instance] for _, _, instance in members if instance >= 0]
+        return sum(int(self._placed.parts[int(g)].drawn.sum()) for g in shapes)
 
     def _row(self, rows: np.ndarray, number: int, path: str, light: Light, instance: int) -> float:
         """Fill what a light's record takes from the light alone; returns its power."""
@@ -154,7 +218,7 @@ class LightUpload:
             self._portals += [self._portal_row(path, portal.opening()) for portal in light.portals]
         self._shaping_row(row, light)
         self._shadow_row(row, light)
-        return max(light.power(self._radius) * emission, 0.0)
+        return max(light.power(self.radius) * emission, 0.0)
 
     def _portal_row(self, path: str, opening: Light) -> np.void:
         """The record of a rectangle through which a dome is aimed at; of determinant 0 where it is not one."""
@@ -168,18 +232,17 @@ class LightUpload:
 
     def _glow_row(self, row: np.void, number: int, light: MeshLight, instance: int) -> tuple[MeshLight, float]:
         """Fill the part of geometry that glows; returns the light with its area, and what its materials emit."""
-        placed = self._placed.instances[instance]
+        place = self._placed.places["to_world"][instance]
         row["instance"] = instance
-        row["linear"], row["position"] = placed["linear"], placed["translation"]
+        row["linear"], row["position"] = place[:, :3], place[:, 3]
         alone = light.materialSyncMode != "materialGlowTintsLight"
-        geometry = int(placed["geometry"])
-        shape, placement = self._placed.shapes[geometry], self._scene.placements[light.prim]
-        linear = placed["linear"].astype(np.float64)
+        part = self._placed.parts[int(self._placed.instances["geometry"][instance])]
+        shape, placement, kept = part.shape, self._scene.placements[light.prim], part.drawn
+        linear = place[:, :3].astype(np.float64)
         if isinstance(shape, Sphere):
             row["size"] = (shape.radius, alone, light.bothSides)
             area = 4 * np.pi * shape.radius**2 * abs(np.linalg.det(linear)) ** (2 / 3)
             return replace(light, area=area), 1.0 if alone else self._emission(placement.material)
-        kept = self._placed.kept[geometry]
         shines = np.ones(int(kept.sum())) if alone else self._emissions(placement, shape)[shape.faces[kept]]
         row["size"] = (0.0, alone, light.bothSides)
         area, emission = self._glow_triangles(row, number, shape, shape.triangles[kept], shines)
@@ -193,6 +256,9 @@ class LightUpload:
         sides = int(row["size"][2])
         with np.errstate(all="ignore"):
             corners = mesh.host_points().astype(np.float64)[triangles]
+            # What is not finite is not drawn, and gives no light.
+            emission = np.where(np.isfinite(corners).all((1, 2)), emission, 0.0)
+            corners = np.where(np.isfinite(corners), corners, 0.0)
             normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             normals = normals @ np.linalg.pinv(linear) if np.isfinite(linear).all() else normals
             outside = outside_of(corners[emission > 0], triangles[emission > 0]) if sides == BOTH else 0
@@ -223,26 +289,17 @@ class LightUpload:
         picture = getattr(light, "texture", None)
         if picture is None:
             return -1
-        if id(picture) not in self._images:
-            self._images[id(picture)] = len(self._image_records)
-            record, kept = picture.upload(self.device, isinstance(light, DomeLight))
-            self._image_records.append(record)
-            self._kept += kept
+        number, is_new = self._pictures.image(picture, self.device, isinstance(light, DomeLight))
+        if is_new:
             self.warnings += [f"{path}: {warning}" for warning in picture.warnings]
-        return self._images[id(picture)]
+        return number
 
     def _shaping_row(self, row: np.void, light: Light) -> None:
         shaping = light.shaping
         row["focus"], row["focus_tint"], row["cone"] = shaping.focus, shaping.focusTint, shaping.cone()
         row["angle_scale"], row["profile"] = shaping.iesAngleScale, -1
-        profile = shaping.iesProfile
-        if profile is not None:
-            if id(profile) not in self._profiles:
-                self._profiles[id(profile)] = len(self._profile_records)
-                record, kept = profile.upload(self.device)
-                self._profile_records.append(record)
-                self._kept += kept
-            row["profile"] = self._profiles[id(profile)]
+        if shaping.iesProfile is not None:
+            row["profile"] = self._pictures.profile(shaping.iesProfile, self.device)
 
     def _shadow_row(self, row: np.void, light: Light) -> None:
         shadow = light.shadow
@@ -275,7 +332,7 @@ class LightUpload:
         lower, upper = middle - reach, middle + reach
         for i, (_, _, instance) in enumerate(members):
             if instance >= 0:
-                lower[i], upper[i] = self._placed.boxes[instance] - self._placed.origin
+                lower[i], upper[i] = self._placed.boxes[instance]
         cones = [light.emission_cone() for _, light, _ in members]
         axis = np.einsum("kij,kj->ki", linear, np.array([cone[0] for cone in cones]).reshape(-1, 3))
         axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300)
@@ -352,3 +409,10 @@ class LightUpload:
     def _keep(self, thing: object) -> object:
         self._kept.append(thing)
         return thing
+
+
+def scene_radius(boxes: np.ndarray) -> float:
+    """Half the diagonal of what boxes (I, 2, 3) hold together, NaN ones left out; not below 1e-6."""
+    if not np.isfinite(boxes).any():
+        return 1e-6
+    return max(float(np.linalg.norm(np.nanmax(boxes[:, 1], 0) - np.nanmin(boxes[:, 0], 0))) / 2, 1e-6)

@@ -21,7 +21,8 @@ from warprender.visibility.rays import (
     scene_closest_after,
     scene_occluded,
 )
-from warprender.visibility.trees import MeshTree, SphereShape, WorldTree
+from warprender.visibility.trees import MeshTree, SphereShape
+from warprender.visibility.world_tree import WorldTree
 
 RAYS = int(20_000 * float(os.environ.get("WARPRENDER_RAYS", "1")))
 

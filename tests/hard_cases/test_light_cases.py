@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from light_scenes import floor, illuminance, pose
 from test_lights import irradiances, sampled
+from usd_stage import scene_of
 
 from warprender.color import blackbody_tint
 from warprender.emitters import lit
@@ -64,6 +65,35 @@ def test_l6_exposure_of_30_stops(kind):
     scene = floor(light)
     mean, error = illuminance(scene, samples=64)
     assert np.isfinite(mean).all() and np.isfinite(error).all() and (mean > 1e13).all()
+
+
+@pytest.mark.parametrize("exposure", [200.0, 1e30, 3e38])
+def test_l6_more_than_float32_holds_is_left_out_and_said(exposure):
+    text = f'def SphereLight "lamp" {{ float inputs:exposure = {exposure} }} def Sphere "ball" {{ }}'
+    scene = scene_of(text)
+    assert not scene.lights
+    assert any("/lamp" in warning and "intensity and exposure" in warning for warning in scene.warnings)
+    # From Python it is there, and dark.
+    scene.add_light(SphereLight(exposure=exposure), path="/python")
+    assert not scene.lights["/python"].radiance().any() and not lit(scene, False)
+
+
+@pytest.mark.parametrize("kind", ["SphereLight", "RectLight", "DiskLight", "CylinderLight"])
+def test_l4_lights_too_large_for_float32_are_left_out_and_said(kind):
+    size = {"RectLight": "width", "CylinderLight": "length"}.get(kind, "radius")
+    text = f'def {kind} "lamp" {{ float inputs:{size} = 1e30 }} def SphereLight "good" {{ float inputs:radius = 1 }}'
+    scene = scene_of(text)
+    assert set(scene.lights) == {"/good"}
+    assert any("/lamp" in warning and "too large" in warning for warning in scene.warnings)
+
+
+def test_l4_a_light_of_no_size_that_float32_holds_does_not_hang():
+    # From Python nothing stops it; what is drawn is another matter, but it ends and gives numbers.
+    scene = floor(SphereLight(radius=0.5, intensity=1.0, transform=pose((0, 0, 2.0))))
+    scene.add_light(RectLight(width=1e30, transform=pose((0, 0, 3.0))), path="/huge")
+    scene.add_light(CylinderLight(length=1e38, transform=pose((0, 0, 3.0))), path="/endless")
+    mean, _ = illuminance(scene, samples=4)
+    assert np.isfinite(mean).all()
 
 
 def test_l7_one_texel_of_a_large_map():

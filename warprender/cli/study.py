@@ -26,13 +26,15 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
     """Add the command and its flags."""
     parser = commands.add_parser(
         "study",
-        usage="%(prog)s [FLAGS] STAGE FOLDER",
+        usage="%(prog)s [FLAGS] STAGE FOLDER, or %(prog)s --numerics FOLDER",
         help="measure what accuracy costs in time",
         description=__doc__,
         allow_abbrev=False,
     )
     add_picture_arguments(parser)
-    parser.add_argument("folder", metavar="FOLDER", help="where the study is kept; made where it does not exist")
+    parser.add_argument(
+        "folder", metavar="FOLDER", nargs="?", help="where the study is kept; made where it does not exist"
+    )
     group = parser.add_argument_group("study")
     group.add_argument("--reference", metavar="FILE.exr", help="compare with this picture instead of rendering one")
     group.add_argument(
@@ -48,11 +50,20 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         metavar="SECONDS",
         help="begin no measurement after this time; the reference takes 40 %% of it at most",
     )
-    parser.set_defaults(run=run)
+    group.add_argument(
+        "--numerics",
+        action="store_true",
+        help="instead, measure hard cases: what plain Warp or the textbook does, what warprender does, what it costs",
+    )
+    parser.set_defaults(run=run, usage_error=parser.error)
 
 
 def run(args: argparse.Namespace) -> int:
     """Render the reference, measure what is missing, write the report."""
+    if args.numerics:
+        return _numerics(args)
+    if args.folder is None:
+        args.usage_error("the following arguments are required: FOLDER")
     from ..denoise import available
     from ..study import plots
     from ..study.measure import Interrupted, Study
@@ -94,6 +105,21 @@ def run(args: argparse.Namespace) -> int:
         print(f"{row.seconds:9.4f} s  RMSE {row.rmse:.4g}  {row.setting}")
     left_out = f"; {len(skipped)} of {len(settings)} settings left out or cut short by --budget" if skipped else ""
     print(f"{args.folder}/report.html: {len(found)} settings, {len(study.measurements)} pictures{left_out}")
+    return 0
+
+
+def _numerics(args: argparse.Namespace) -> int:
+    """Measure the hard cases; the one argument is the folder."""
+    if args.folder is not None:
+        args.usage_error("--numerics takes a FOLDER alone")
+    from ..study.numerics import markdown, measure_cases, write_cases
+    from .quiet import start_warp
+
+    start_warp("cpu")
+    with steps_bar("numerics") as progress:
+        cases = measure_cases(progress)
+    write_cases(cases, args.stage)
+    print(markdown(cases), end="")
     return 0
 
 

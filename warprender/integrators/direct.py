@@ -10,6 +10,7 @@ from functools import cache
 
 import warp as wp
 
+from ..film import keep_term
 from ..lights.choice import choose_light
 from ..lights.dispatch import GLOWING, light_functions, shaping_function
 from ..lights.linking import is_linked
@@ -199,7 +200,7 @@ def first_surfaces_function(key: PathKey, shadows: bool) -> wp.Function:
     met = met_function(key)
     glow = glow_function(key)
     reflected = reflected_function(key, shadows)
-    with_lights, straight_through = bool(key.lights), key.straight_through
+    with_lights, straight_through, terms = bool(key.lights), key.straight_through, key.terms
 
     @wp.func
     def behind(scene: DeviceScene, ray: Ray, hit: Hit) -> Hit:
@@ -227,18 +228,26 @@ def first_surfaces_function(key: PathKey, shadows: bool) -> wp.Function:
             if wp.static(with_lights):
                 lights = met(scene, request.visible, camera, ray, passed_t, hit.t)
                 result.radiance += lights.radiance
+                if wp.static(terms):
+                    keep_term(request.terms, sample.pixel, 0, lights.radiance)
                 if lights.count > 0:
                     clear = 0.0
             if hit.instance < 0:
                 break
             surface = shading_at(scene, ray, hit, cone[0] + cone[1] * hit.t)
             bsdf = prepare(scene, surface)
-            result.radiance += glow(scene, camera, ray.direction, surface, bsdf.emission)
+            emission = glow(scene, camera, ray.direction, surface, bsdf.emission)
+            result.radiance += emission
+            if wp.static(terms):
+                keep_term(request.terms, sample.pixel, 0, emission)
             if wp.static(with_lights):
                 tangent = tangent_of(surface.normal)
                 wo = to_frame(tangent, surface.normal, surface.outgoing)
                 light = reflected(scene, surface, bsdf, camera.absorption, tangent, wo, sample, step)
-                result.radiance += wp.cw_mul(camera.diffuse, light.radiance)
+                scattered = wp.cw_mul(camera.diffuse, light.radiance)
+                result.radiance += scattered
+                if wp.static(terms):
+                    keep_term(request.terms, sample.pixel, 1, scattered)
                 result.rays += wp.vec3i(0, 0, light.count)
             if wp.static(not straight_through):
                 clear = 0.0

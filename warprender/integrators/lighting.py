@@ -368,6 +368,10 @@ def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Funct
         ray = shadow_ray(surface, towards)
         if wp.static(glow):
             if towards.hit.instance >= 0:
+                own = towards.hit.instance == surface.hit.instance and towards.hit.face == surface.hit.face
+                if own and light.kind != _GLOWING_SPHERE:
+                    # A triangle does not light itself: rounding alone would say that it does.
+                    return nothing
                 source = shading_at(scene, ray, towards.hit, surface.footprint)
                 radiance = emitted(light, source, prepare(scene, source).emission)
                 ray = ray_between(surface, source)

@@ -8,6 +8,7 @@ from functools import cache
 
 import warp as wp
 
+from ..film import keep_term
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
 from ..numerics import INFINITY, from_frame, max_component, offset_origin, tangent_of, to_frame
@@ -53,7 +54,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     glow = glow_function(key)
     sampled_lights, straight_through = key.sampled_lights, key.straight_through
     with_lights = bool(key.lights)
-    transmission = "transmission" in key.features
+    transmission, terms = "transmission" in key.features, key.terms
 
     @wp.func
     def radiance(
@@ -84,6 +85,8 @@ def radiance_function(key: PathKey) -> wp.Function:
             if wp.static(with_lights):
                 lights = met(scene, request.visible, last, ray, passed_t, hit.t)
                 result.radiance += lights.radiance
+                if wp.static(terms):
+                    keep_term(request.terms, sample.pixel, depth, lights.radiance)
                 if last.prim < 0 and lights.count > 0:
                     clear = 0.0
             if hit.instance < 0:
@@ -99,7 +102,10 @@ def radiance_function(key: PathKey) -> wp.Function:
                 left = transmittance(last.absorption, hit.t - wp.max(passed_t, 0.0))
                 last.diffuse = wp.cw_mul(last.diffuse, left)
                 last.specular = wp.cw_mul(last.specular, left)
-            result.radiance += glow(scene, last, ray.direction, surface, bsdf.emission)
+            emission = glow(scene, last, ray.direction, surface, bsdf.emission)
+            result.radiance += emission
+            if wp.static(terms):
+                keep_term(request.terms, sample.pixel, depth, emission)
             throughput = last.diffuse + last.specular
 
             # 3. Sample the material; clear parts let the ray go on as it is.
@@ -128,7 +134,10 @@ def radiance_function(key: PathKey) -> wp.Function:
                 if wp.static(straight_through):
                     # Paths that went straight through did not aim: those that stayed stand for them.
                     chance = scattered.stay
-                result.radiance += wp.cw_mul(throughput, reflected.radiance) / chance
+                scattered_once = wp.cw_mul(throughput, reflected.radiance) / chance
+                result.radiance += scattered_once
+                if wp.static(terms):
+                    keep_term(request.terms, sample.pixel, depth + 1, scattered_once)
                 result.rays += wp.vec3i(0, 0, reflected.count)
 
             # 5. Follow the sampled direction, unless the true surface lies between it and the side it was meant for.

@@ -13,7 +13,7 @@ import warp as wp
 
 from ..camera import camera_ray_function, pixel_cone
 from ..color import luminance
-from ..film import FilmRecord, filter_offset
+from ..film import FilmRecord, Terms, end_sample, filter_offset
 from ..launch import launch
 from ..numerics import is_finite
 from ..records import CameraRecord, DeviceScene, Hit
@@ -31,6 +31,7 @@ class PathRequest:
     """Runtime values of a pass: which samples, how many bounces, which lights the camera sees.
 
     Where the first hits are rasterized, `hits` (H, W) has them, of rays at `offset` pixels from the pixels' centres.
+    A transport brings what it adds to radiance to `terms` as well.
     """
 
     seed: wp.uint32
@@ -41,6 +42,7 @@ class PathRequest:
     visible: Visible
     hits: wp.array2d(dtype=Hit)
     offset: wp.vec2
+    terms: Terms
 
 
 @wp.struct
@@ -58,7 +60,11 @@ class PathResult:
 
 @cache
 def samples_kernel(
-    camera_effects: tuple[str, ...], sdfs: tuple[wp.Function, ...], radiance: wp.Function, rasterized: bool = False
+    camera_effects: tuple[str, ...],
+    sdfs: tuple[wp.Function, ...],
+    radiance: wp.Function,
+    rasterized: bool = False,
+    terms: bool = False,
 ) -> wp.Kernel:
     """The kernel of a transport; item i is pixel i in rows from the top, which no other item writes.
 
@@ -67,6 +73,7 @@ def samples_kernel(
         sdfs: the signed distance functions that occur.
         radiance: from a factory that is cached on its key: the same function gives the same kernel.
         rasterized: whether the first hits are known; such a pass has one sample.
+        terms: whether single terms are kept, as `radiance` was made for.
     """
     camera_ray = camera_ray_function(camera_effects)
     closest, _, _ = ray_functions(sdfs)
@@ -103,6 +110,8 @@ def samples_kernel(
             result = radiance(scene, request, ray, hit, pixel_cone(camera) * FOOTPRINT, sample)
             rays += result.rays
             unfollowed += result.unfollowed
+            if wp.static(terms):
+                end_sample(request.terms, pixel, is_finite(result.radiance))
             if is_finite(result.radiance):
                 value = wp.vec3d(
                     wp.float64(result.radiance[0]),

@@ -10,6 +10,7 @@ from functools import cache
 
 import warp as wp
 
+from ..film import keep_term
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
 from ..materials.perfect import perfect_function
@@ -85,7 +86,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     glow = glow_function(key)
     reflected = reflected_function(key, True)
     with_lights, straight_through = bool(key.lights), key.straight_through
-    transmission = "transmission" in key.features
+    transmission, terms = "transmission" in key.features, key.terms
 
     @wp.func
     def radiance(
@@ -115,6 +116,8 @@ def radiance_function(key: PathKey) -> wp.Function:
             if wp.static(with_lights):
                 lights = met(scene, request.visible, last, ray, passed_t, hit.t)
                 result.radiance += lights.radiance
+                if wp.static(terms):
+                    keep_term(request.terms, sample.pixel, depth, lights.radiance)
                 if last.prim < 0 and lights.count > 0:
                     clear = 0.0
             if hit.instance >= 0:
@@ -125,7 +128,10 @@ def radiance_function(key: PathKey) -> wp.Function:
                         last.absorption = medium_towards(surface, bsdf, last.absorption, surface.outgoing)
                     left = transmittance(last.absorption, hit.t - wp.max(passed_t, 0.0))
                     last.specular = wp.cw_mul(last.specular, left)
-                result.radiance += glow(scene, last, ray.direction, surface, bsdf.emission)
+                emission = glow(scene, last, ray.direction, surface, bsdf.emission)
+                result.radiance += emission
+                if wp.static(terms):
+                    keep_term(request.terms, sample.pixel, depth, emission)
 
                 if depth <= request.bounces:
                     # 2. Its rough lobes under all lights.
@@ -133,7 +139,10 @@ def radiance_function(key: PathKey) -> wp.Function:
                     wo = to_frame(tangent, surface.normal, surface.outgoing)
                     if wp.static(with_lights):
                         light = reflected(scene, surface, bsdf, last.absorption, tangent, wo, sample, step)
-                        result.radiance += wp.cw_mul(last.specular, light.radiance)
+                        scattered = wp.cw_mul(last.specular, light.radiance)
+                        result.radiance += scattered
+                        if wp.static(terms):
+                            keep_term(request.terms, sample.pixel, depth + 1, scattered)
                         result.rays += wp.vec3i(0, 0, light.count)
 
                     # 3. Its perfect lobes wait, reflection and refraction.

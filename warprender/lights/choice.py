@@ -223,7 +223,8 @@ def choose_in_tree(scene: DeviceScene, p: wp.vec3, n: wp.vec3, u: wp.float64, pr
     while node.children > 0:
         shares = children_importance(scene, node, p, n)
         total = shares[0] + shares[1] + shares[2] + shares[3]
-        if total <= wp.float64(0.0):
+        # So that a NaN ends the walk too: it has no child to go on to.
+        if not (total > wp.float64(0.0)):
             return choice
         # Up to the last child that has a share: rounding must not choose one that has none.
         aim = u * total
@@ -253,7 +254,7 @@ def probability_of(scene: DeviceScene, p: wp.vec3, n: wp.vec3, light: LightRecor
     while node.children > 0:
         shares = children_importance(scene, node, p, n)
         total = shares[0] + shares[1] + shares[2] + shares[3]
-        if total <= wp.float64(0.0):
+        if not (total > wp.float64(0.0)):
             return 0.0
         chosen = wp.int32(trail & wp.uint64(3))
         probability *= wp.float32(shares[chosen] / total)

@@ -10,15 +10,20 @@ import warp as wp
 from ..color import LUMINANCE, blackbody_tint
 from ..numerics import INFINITY
 from ..records import LightRecord, LightSample
+from ..watched import Watched
 from .shadow import Shadow
 from .shaping import Shaping
 
+#: Radiance beyond it is none: it leaves room for products in float32.
+MOST_STRENGTH = 1e30
+#: A longer light has a square that float32 does not hold.
+MOST_SIZE = 1e18
 #: Rounding may put a point at the rim of a cone of light this much outside of it, in radians.
 _RIM = 0.01
 
 
 @dataclass
-class Light:
+class Light(Watched):
     """UsdLuxLightAPI, names, units and defaults as in the schema.
 
     Attributes:
@@ -36,6 +41,7 @@ class Light:
         shadow: how much of its shadows it shows.
         unlit: paths of prims that it does not shine on.
         unshadowed: paths of prims that do not cast shadows of it.
+        visible: whether it gives light.
     """
 
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -51,6 +57,7 @@ class Light:
     shadow: Shadow = field(default_factory=Shadow)
     unlit: frozenset[str] = frozenset()
     unshadowed: frozenset[str] = frozenset()
+    visible: bool = True
 
     #: Whether it is infinitely far away, or else has no place in the tree of lights.
     infinite = False
@@ -59,16 +66,22 @@ class Light:
         """What `normalize` divides by; a light without a size answers 1."""
         return 1.0
 
+    def strength(self) -> float:
+        """Intensity * 2**exposure; inf or NaN where that is no number."""
+        # NumPy's power: Python's raises an error where the result is too large.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(self.intensity * np.float64(2.0) ** self.exposure)
+
     def radiance(self) -> np.ndarray:
-        """Emitted radiance (3,) float64, linear Rec.709, before shaping and texture; 0 where an input is not finite."""
-        value = np.asarray(self.color, np.float64) * self.intensity * 2.0**self.exposure
+        """Emitted radiance (3,) float64, linear Rec.709, before shaping and texture; 0 where no number or too large."""
+        value = np.asarray(self.color, np.float64) * self.strength()
         if self.enableColorTemperature:
             value = value * blackbody_tint(self.colorTemperature)
         if self.normalize:
             size = self.size_factor()
             value = value / size if size > 0 else np.zeros(3)
         value = value * self.shaping.profile_scale()
-        return value if np.isfinite(value).all() else np.zeros(3)
+        return value if (np.abs(value) <= MOST_STRENGTH).all() else np.zeros(3)
 
     def kind(self) -> str:
         """Name of the device functions that draw it."""

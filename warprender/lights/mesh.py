@@ -72,8 +72,8 @@ def is_aimed_at(light: LightRecord, side: float) -> bool:
 def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
     """A point of the light's triangles; its emission is left to the material."""
     result = no_light()
-    instance = scene.instances[light.instance]
-    geometry = scene.geometries[instance.geometry]
+    placed = scene.world.instances[light.instance]
+    geometry = scene.geometries[placed.geometry]
     place = wp.float64(u[0])
     low = light.first
     high = light.first + light.count - 1
@@ -92,12 +92,12 @@ def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> Li
     p0 = geometry.points[geometry.indices[3 * face]]
     p1 = geometry.points[geometry.indices[3 * face + 1]]
     p2 = geometry.points[geometry.indices[3 * face + 2]]
-    seen = seen_triangle(instance, p0, p1, p2, p)
+    seen = seen_triangle(placed, p0, p1, p2, p)
     point = draw_point(seen, wp.vec2(rest, u[1]))
     distance = wp.length(point.way)
     if point.pdf <= 0.0 or distance <= 0.0:
         return result
-    if not is_aimed_at(light, side_of(instance, p0, p1, p2, point.way)):
+    if not is_aimed_at(light, side_of(placed, p0, p1, p2, point.way)):
         return result
     result.direction = point.way / distance
     result.distance = distance
@@ -139,14 +139,14 @@ def narrowed(scene: DeviceScene, light: LightRecord, leaf: int) -> LightRecord:
 @wp.func
 def density_at(scene: DeviceScene, light: LightRecord, origin: wp.vec3, hit: Hit, way: wp.vec3) -> float:
     """Density per solid angle with which `sample` at `origin` draws the point that was hit, this way away."""
-    instance = scene.instances[light.instance]
-    geometry = scene.geometries[instance.geometry]
+    placed = scene.world.instances[light.instance]
+    geometry = scene.geometries[placed.geometry]
     p0 = geometry.points[geometry.indices[3 * hit.face]]
     p1 = geometry.points[geometry.indices[3 * hit.face + 1]]
     p2 = geometry.points[geometry.indices[3 * hit.face + 2]]
-    if not is_aimed_at(light, side_of(instance, p0, p1, p2, way)):
+    if not is_aimed_at(light, side_of(placed, p0, p1, p2, way)):
         return 0.0
-    seen = seen_triangle(instance, p0, p1, p2, origin)
+    seen = seen_triangle(placed, p0, p1, p2, origin)
     return density_of(seen, way) * wp.min(0.5 * seen.area2 / light.size[AREA], 1.0)
 
 

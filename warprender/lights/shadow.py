@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import warp as wp
 
 from ..records import LightRecord
+from ..watched import Watched
 
 
 @dataclass
-class Shadow:
+class Shadow(Watched):
     """Controls over shadows that no real light has.
 
     Attributes:

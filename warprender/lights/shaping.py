@@ -9,11 +9,12 @@ import warp as wp
 
 from ..numerics import PI
 from ..records import DeviceScene, LightRecord
+from ..watched import Watched
 from .ies import IesProfile, profile_value
 
 
 @dataclass
-class Shaping:
+class Shaping(Watched):
     """How emission depends on its direction; the light's axis is local -Z.
 
     Attributes:

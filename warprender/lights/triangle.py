@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..numerics import safe_normalize
-from ..records import InstanceRecord
+from ..numerics import linear_of, safe_normalize, translation_of
+from ..records import Instance
 from ..shapes.mesh import triangle_normal
 
 #: Below this solid angle the arcs have too few digits in float32.
@@ -49,12 +49,13 @@ class DrawnPoint:
 
 
 @wp.func
-def seen_triangle(instance: InstanceRecord, p0: wp.vec3, p1: wp.vec3, p2: wp.vec3, p: wp.vec3) -> SeenTriangle:
+def seen_triangle(placed: Instance, p0: wp.vec3, p1: wp.vec3, p2: wp.vec3, p: wp.vec3) -> SeenTriangle:
     """A triangle of an instance as seen from p."""
     t = SeenTriangle()
-    t.a = instance.linear * p0 + (instance.translation - p)
-    t.ab = instance.linear * (p1 - p0)
-    t.ac = instance.linear * (p2 - p0)
+    linear = linear_of(placed.to_world)
+    t.a = linear * p0 + (translation_of(placed.to_world) - p)
+    t.ab = linear * (p1 - p0)
+    t.ac = linear * (p2 - p0)
     t.product = wp.cross(t.ab, t.ac)
     t.area2 = wp.length(t.product)
     b = t.a + t.ab
@@ -133,6 +134,6 @@ def draw_point(t: SeenTriangle, u: wp.vec2) -> DrawnPoint:
 
 
 @wp.func
-def side_of(instance: InstanceRecord, p0: wp.vec3, p1: wp.vec3, p2: wp.vec3, way: wp.vec3) -> float:
+def side_of(placed: Instance, p0: wp.vec3, p1: wp.vec3, p2: wp.vec3, way: wp.vec3) -> float:
     """Above 0 where the way to the triangle comes from the side of its normal."""
-    return -wp.dot(wp.transpose(instance.inverse) * triangle_normal(p0, p1, p2), way)
+    return -wp.dot(wp.transpose(linear_of(placed.to_object)) * triangle_normal(p0, p1, p2), way)

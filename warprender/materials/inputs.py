@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
-from ..numerics import max_component, tangent_of
+from ..numerics import linear_of, max_component, tangent_of
 from ..records import MATERIAL_INPUTS, DeviceScene, MaterialValues, Surface
 from ..shapes.primvar import INTERPOLATIONS, corner_values, primvar_at, triangle_vertices, value_at
 from ..textures import Footprint, PrimvarReader, Texture, texture_at
@@ -78,7 +78,7 @@ def footprint_at(scene: DeviceScene, surface: Surface, slot: int, absent: wp.vec
         return place
 
     vertices = triangle_vertices(scene, surface)
-    linear = scene.instances[surface.hit.instance].linear
+    linear = linear_of(scene.world.instances[surface.hit.instance].to_world)
     p0 = scene.geometries[surface.geometry].points[vertices[0]]
     edge1 = linear * (scene.geometries[surface.geometry].points[vertices[1]] - p0)
     edge2 = linear * (scene.geometries[surface.geometry].points[vertices[2]] - p0)

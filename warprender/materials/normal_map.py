@@ -6,7 +6,7 @@ from functools import cache
 
 import warp as wp
 
-from ..numerics import from_frame, safe_normalize
+from ..numerics import from_frame, linear_of, safe_normalize
 from ..records import DeviceScene, Hit, Ray, Surface
 from ..shapes.primvar import primvar_at
 from ..shapes.surface import face_viewer, surface_function
@@ -27,7 +27,7 @@ def shading_function(shapes: tuple[str, ...], features: tuple[str, ...], sdfs: t
     def mapped_normal(scene: DeviceScene, surface: Surface, node: int) -> wp.vec3:
         # The frame of MikkTSpace: the bitangent is the cross product, turned round where the picture is mirrored.
         tangent = primvar_at(scene, surface, scene.inputs[node].tangents, wp.vec4(0.0, 0.0, 0.0, 0.0))
-        linear = scene.instances[surface.hit.instance].linear
+        linear = linear_of(scene.world.instances[surface.hit.instance].to_world)
         n = surface.normal
         if surface.front == 0:
             n = -n

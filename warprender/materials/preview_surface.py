@@ -33,7 +33,8 @@ from ..records import (
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
 from .albedo import SIZE, albedo_table, white_albedo
-from .inputs import NORMAL, Color, Number, Varying, clamped, constant, least, row_of, values_function
+from .inputs import Color, Number, Varying, clamped, constant, least, row_of, values_function
+from .material import BaseMaterial
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -64,7 +65,7 @@ OPACITY_MODE = _NUMBERS["opacityMode"]
 
 
 @dataclass
-class PreviewSurface:
+class PreviewSurface(BaseMaterial):
     """UsdPreviewSurface 2.6; names and fallbacks as in the specification.
 
     Every input but the mode is a constant, a `Texture` or a `PrimvarReader`. `occlusion` is left out: a path tracer
@@ -92,6 +93,8 @@ class PreviewSurface:
             are drawn as this one have weights on it.
     """
 
+    inputs = INPUTS
+
     diffuseColor: Color = (0.18, 0.18, 0.18)
     emissiveColor: Color = (0.0, 0.0, 0.0)
     useSpecularWorkflow: int | Varying = 0
@@ -112,14 +115,6 @@ class PreviewSurface:
         """Values by input number: (n, 3)."""
         rows = [constant(getattr(self, name)) for name in INPUTS[:-1]]
         return np.array([*rows, [float(self.opacityMode == "presence"), 0, 0]], np.float32)
-
-    def varying(self) -> dict[int, tuple[str, Varying | tuple]]:
-        """Input number to name and source of what varies over the surface, a normal that is not the plain one too."""
-        numbered = {number: (name, getattr(self, name)) for number, name in enumerate(INPUTS)}
-        found = {number: named for number, named in numbered.items() if isinstance(named[1], Varying)}
-        if isinstance(self.normal, Varying) or tuple(self.normal) != (0.0, 0.0, 1.0):
-            found[NORMAL] = "normal", self.normal
-        return found
 
     def passes_light(self) -> bool:
         """Whether rays may go straight through."""

@@ -10,17 +10,18 @@ import warp as wp
 
 from ..numerics import max_component, triangle_point
 from ..records import GeometryRecord, Hit
+from ..watched import Watched
 from .local_surface import LocalSurface
 from .primvar import Primvar, interpolate
 
 
 @dataclass
-class Mesh:
+class Mesh(Watched):
     """A triangle mesh that remembers the polygons that it was cut from.
 
     Attributes:
-        points: (N, 3) float32 in object space, a numpy array or a `wp.array(dtype=wp.vec3)`, which is used
-            in place.
+        points: (N, 3) float32 in object space: a numpy array until a renderer has uploaded it, from then on the
+            `wp.array(dtype=wp.vec3)` that it reads. Written in place, it is followed by `Renderer.update`.
         triangles: (T, 3) int32 indices into `points`. The geometric normal is (p1 - p0) × (p2 - p0).
         faces: (T,) int32, the authored face that each triangle belongs to.
         corners: (T, 3) int32, the authored face corner (index into `faceVertexIndices`) of each vertex.
@@ -41,7 +42,7 @@ class Mesh:
 
     def host_points(self) -> np.ndarray:
         """(N, 3) float32 points on the host."""
-        return self.points.numpy() if isinstance(self.points, wp.array) else np.asarray(self.points, np.float32)
+        return self.stored.numpy() if isinstance(self.stored, wp.array) else np.asarray(self.stored, np.float32)
 
     @classmethod
     def from_polygons(
@@ -68,6 +69,22 @@ class Mesh:
         if left_handed:
             triangles, corners = triangles[:, ::-1].copy(), corners[:, ::-1].copy()
         return cls(points, triangles, faces, corners, **fields)
+
+
+def _hand_out(mesh: Mesh) -> np.ndarray | wp.array:
+    if not mesh.handed_out:
+        mesh.handed_out = True
+    return mesh.stored
+
+
+def _take(mesh: Mesh, points: np.ndarray | wp.array) -> None:
+    mesh.stored = points
+    mesh.handed_out = isinstance(points, wp.array)
+
+
+# Whoever has been given the points may write into them: `handed_out` says which meshes may have moved. The renderer
+# itself reads `stored`.
+Mesh.points = property(_hand_out, _take)
 
 
 def triangulate(

@@ -11,6 +11,7 @@ import warp as wp
 
 from ..numerics import GAMMA_7, max_component
 from ..records import DeviceScene, SdfRecord
+from ..watched import Watched
 from .local_surface import LocalSurface
 from .primvar import Primvar
 
@@ -21,7 +22,7 @@ _SMALLEST_SLOPE = wp.constant(wp.float32(0.05))
 
 
 @dataclass
-class Sdf:
+class Sdf(Watched):
     """A solid where a function of the place is negative.
 
     Rays advance by the distance over `lipschitz`, which cannot step over the surface, and by `precision` at least.

@@ -8,12 +8,13 @@ import warp as wp
 
 from ..numerics import sphere_point
 from ..records import GeometryRecord, Hit
+from ..watched import Watched
 from .local_surface import LocalSurface
 from .primvar import Primvar
 
 
 @dataclass
-class Sphere:
+class Sphere(Watched):
     """A sphere about the origin of object space.
 
     Attributes:

@@ -6,8 +6,8 @@ from functools import cache
 
 import warp as wp
 
-from ..numerics import is_finite, place_point, safe_normalize
-from ..records import DeviceScene, Hit, InstanceRecord, Ray, Surface
+from ..numerics import is_finite, linear_of, place_point, safe_normalize, translation_of
+from ..records import DeviceScene, Hit, Instance, Ray, Surface
 from .local_surface import LocalSurface
 from .mesh import mesh_surface
 from .sdf import sdf_surface_function
@@ -18,9 +18,9 @@ _SMALLEST_COSINE = wp.constant(wp.float32(0.01))
 
 
 @wp.func
-def object_origin(instance: InstanceRecord, p: wp.vec3) -> wp.vec3:
+def object_origin(placed: Instance, p: wp.vec3) -> wp.vec3:
     """World point in object space: subtracted before it is turned, so that distance from the origin cancels."""
-    return instance.inverse * (p - instance.translation)
+    return linear_of(placed.to_object) * (p - translation_of(placed.to_world))
 
 
 @wp.func
@@ -49,7 +49,7 @@ def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surfac
     surface.position = position
     surface.error = error
     surface.outgoing = -safe_normalize(ray.direction)
-    cotangent = wp.transpose(instance.inverse)
+    cotangent = wp.transpose(linear_of(placed.to_object))
     n = safe_normalize(cotangent * local.geometric_normal)
     shading = cotangent * local.normal
     surface.front = 1
@@ -77,14 +77,15 @@ def surface_function(shapes: tuple[str, ...], sdfs: tuple[wp.Function, ...] = ()
         geometry = scene.geometries[scene.instances[hit.instance].geometry]
         if wp.static(with_spheres):
             if geometry.kind == 1:
-                instance = scene.instances[hit.instance]
-                origin = object_origin(instance, ray.origin)
-                return place(scene, ray, hit, sphere_surface(geometry, hit, origin, instance.inverse * ray.direction))
+                placed = scene.world.instances[hit.instance]
+                origin = object_origin(placed, ray.origin)
+                direction = linear_of(placed.to_object) * ray.direction
+                return place(scene, ray, hit, sphere_surface(geometry, hit, origin, direction))
         if wp.static(with_sdfs):
             if geometry.kind == 2:
-                instance = scene.instances[hit.instance]
-                origin = object_origin(instance, ray.origin)
-                direction = instance.inverse * ray.direction
+                placed = scene.world.instances[hit.instance]
+                origin = object_origin(placed, ray.origin)
+                direction = linear_of(placed.to_object) * ray.direction
                 return place(scene, ray, hit, sdf_surface(scene, geometry.sdf, origin, direction, hit.t))
         return place(scene, ray, hit, mesh_surface(geometry, hit))
 

@@ -90,7 +90,7 @@ def _read_cage(
         primvars=primvars,
     )
     if is_smooth(reading, schema):
-        mesh.normals = Primvar(vertex_normals(mesh.points, mesh.triangles), "vertex")
+        mesh.normals = Primvar(vertex_normals(mesh.host_points(), mesh.triangles), "vertex")
     else:
         mesh.normals = read_builtin(reading, schema.GetPrim(), "normals", topology.sizes(len(points)), 3)
     return mesh

@@ -25,6 +25,7 @@ from ..lights import (
     SphereLight,
 )
 from ..lights.environment import FORMATS, to_latlong
+from ..lights.light import MOST_SIZE, MOST_STRENGTH
 from ..lights.mesh import SYNC_MODES
 from .light_apis import asset_path, light_input, read_links, read_shadow, read_shaping
 from .reading import Reading
@@ -96,6 +97,14 @@ def _with_inputs(reading: Reading, prim: Usd.Prim, light: Light) -> Light | None
                 values[field.name] = _converted(value, default)
     if not all(np.isfinite(np.asarray(value, np.float64)).all() for value in values.values()):
         reading.remark(prim, "it has inputs that are not finite and is not drawn")
+        return None
+    changed = replace(light, **values)
+    if max(map(abs, changed.size())) > MOST_SIZE:
+        reading.remark(prim, "it is too large for float32 and is not drawn")
+        return None
+    strength = changed.strength()
+    if not abs(strength) <= MOST_STRENGTH:
+        reading.remark(prim, f"its intensity and exposure make {strength:g}, too much for float32, and it is not drawn")
         return None
     if UsdLux.LightAPI(prim).GetFiltersRel().GetTargets():
         reading.remark(prim, "light:filters is not drawn yet")

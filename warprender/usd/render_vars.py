@@ -6,7 +6,7 @@ import re
 
 from pxr import Usd, UsdRender
 
-from ..outputs import OUTPUTS
+from ..outputs import OUTPUTS, term_of
 from .reading import Reading
 
 #: Other renderers' names of outputs, in lower case: RenderMan's, Arnold's, Karma's.
@@ -61,6 +61,6 @@ def output_of(kind: str, name: str) -> str:
         return "color" if ALL_LIGHT.fullmatch("".join(name.split()).replace("'", "")) else ""
     if kind not in ("raw", "intrinsic"):
         return ""
-    if name in OUTPUTS or name == "color":
+    if name in OUTPUTS or name == "color" or term_of(name) is not None:
         return name
     return ALIASES.get(name.lower(), "")

@@ -56,6 +56,8 @@ class _Step:
 def walk(reading: Reading) -> Iterator[Visit]:
     """Every drawable prim and light that is visible and of an included purpose, in namespace order.
 
+    Where the others stand goes to `scene.frames`.
+
     Native instances are walked through as if they stood there; point instancers multiply the frames of their
     prototypes. An explicit stack: real stages nest deeper than Python recurses.
     """
@@ -77,6 +79,8 @@ def walk(reading: Reading) -> Iterator[Visit]:
                 yield Visit(prim, local, step.frame, mode)
             continue
         if prim.IsA(UsdGeom.PointInstancer):
+            if not step.frame.instancers:
+                reading.scene.frames[str(prim.GetPath())] = local
             if _is_included(reading, prim, purpose):
                 prototypes = reading.attempt(prim, expand, UsdGeom.PointInstancer(prim), local, step.frame)
                 for prototype, frame in reversed(prototypes or []):
@@ -87,6 +91,8 @@ def walk(reading: Reading) -> Iterator[Visit]:
                 yield Visit(prim, local, step.frame)
             else:
                 _name_undrawn(reading, prim)
+        if not step.frame.instancers and prim.IsA(UsdGeom.Xformable) and not _is_drawable(prim):
+            reading.scene.frames[str(prim.GetPath())] = local
         for child in reversed(_children(reading, prim, step.predicate)):
             stack.append(_Step(child, local, step.frame, purpose, step.predicate, mode))
 

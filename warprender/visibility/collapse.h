@@ -278,11 +278,26 @@ struct Refit {
         float x = b.plane[3] - b.plane[0], y = b.plane[4] - b.plane[1], z = b.plane[5] - b.plane[2];
         return x >= 0.0f ? x * y + y * z + z * x : 0.0f;
     }
-    // The boxes of inner nodes: children have larger indices than their parents. summary: the whole box, then the
-    // expected number of nodes and leaves that a ray through it visits.
+    WR_FN Box common(const Box& a, const Box& b)
+    {
+        Box box;
+        for (int k = 0; k < 3; ++k) {
+            box.plane[k] = Bound::larger(a.plane[k], b.plane[k]);
+            box.plane[k + 3] = Bound::smaller(a.plane[k + 3], b.plane[k + 3]);
+            if (!(box.plane[k] <= box.plane[k + 3]))
+                return nothing();
+        }
+        return box;
+    }
+    // The boxes of inner nodes: children have larger indices than their parents. summary: the whole box, the expected
+    // number of nodes and leaves that a ray through it visits, and that a ray visits through the box that is given
+    // behind it: the whole one as it was at the build, so that a body that flew off does not hide all others.
     WR_FN void inner(Wide::Node* nodes, int count, float* summary)
     {
-        double visits = 0.0;
+        double visits = 0.0, within = 0.0;
+        Box before;
+        for (int i = 0; i < 6; ++i)
+            before.plane[i] = summary[8 + i];
         for (int n = count - 1; n >= 0; --n)
             for (int k = 0; k < Wide::slots; ++k) {
                 if (nodes[n].child[k] > 0)
@@ -290,10 +305,12 @@ struct Refit {
                 Box box = { { nodes[n].plane[0][k], nodes[n].plane[1][k], nodes[n].plane[2][k], nodes[n].plane[3][k],
                     nodes[n].plane[4][k], nodes[n].plane[5][k] } };
                 visits += area(box);
+                within += area(common(box, before));
             }
         Box box = whole(nodes[0]);
         for (int i = 0; i < 6; ++i)
             summary[i] = box.plane[i];
         summary[6] = area(box) > 0.0f ? (float)(visits / area(box)) : 0.0f;
+        summary[7] = area(before) > 0.0f ? (float)(within / area(before)) : 0.0f;
     }
 };

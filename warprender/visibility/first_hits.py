@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Protocol
 
@@ -10,9 +10,9 @@ import numpy as np
 import warp as wp
 
 from ..camera import camera_ray_function
-from ..launch import launch_pixels
-from ..records import CameraRecord, DeviceScene, GeometryRecord, Hit
-from ..shapes import SHAPES, Sdf, Sphere
+from ..launch import launch, launch_pixels
+from ..numerics import linear_of, translation_of
+from ..records import NOT_DRAWN, CameraRecord, DeviceScene, GeometryRecord, Hit, World
 from .raster import DrawList, Raster, Triangles
 from .rays import miss
 from .sdf import ray_functions
@@ -23,6 +23,9 @@ FARTHEST_OFFSET = 2.0
 
 class FirstHits(Protocol):
     """A way to find first hits."""
+
+    def follow(self, scene: DeviceScene, camera: CameraRecord) -> None:
+        """See the scene, whose instances may have moved, from a camera of the same size and effects."""
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """(H, W) hits, row 0 at the top. The array is overwritten by the next call."""
@@ -41,8 +44,12 @@ class RayHits:
     ) -> None:
         """`effects` are the camera's, by name; `sdfs` the signed distance functions that occur."""
         self._kernel = _ray_kernel(effects, sdfs)
-        self._scene, self._camera = scene, camera
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
+        self.follow(scene, camera)
+
+    def follow(self, scene: DeviceScene, camera: CameraRecord) -> None:
+        """See `FirstHits`."""
+        self._scene, self._camera = scene, camera
 
     def find(self, threads: int | None = None) -> wp.array2d(dtype=Hit):
         """See `FirstHits`."""
@@ -63,19 +70,24 @@ class RasterHits:
         self,
         scene: DeviceScene,
         geometries: Sequence[GeometryRecord],
-        bounds: np.ndarray,
+        instances: np.ndarray,
+        rayed: np.ndarray,
+        boxes: Callable[[], np.ndarray],
         camera: CameraRecord,
         effects: tuple[str, ...],
         device: str,
         painter: bool = False,
         sdfs: tuple[wp.Function, ...] = (),
     ) -> None:
-        """For a scene at rest.
+        """For the instances of a scene, which may move.
 
         Args:
             scene: the scene on its device.
             geometries: the host's copies of `scene.geometries`.
-            bounds: (2, 3) float64 box of everything placed, in the scene's coordinates.
+            instances: (I,) ints, the geometry of each instance.
+            rayed: (G, 2, 3) object boxes of the geometries that only rays find, empty ones of the others.
+            boxes: returns the boxes (I, 2, 3) of the instances in the scene's coordinates, NaN for what is not drawn;
+                called for orthographic cameras.
             camera: a pinhole or an orthographic camera without clipping planes.
             effects: the camera's, by name.
             device: of the scene.
@@ -85,24 +97,42 @@ class RasterHits:
         Raises:
             ValueError: more triangles than int32 can number.
         """
-        instances = scene.instances.numpy()
-        placed = np.zeros((len(instances), 4, 4))
-        placed[:, :3, :3], placed[:, :3, 3], placed[:, 3, 3] = instances["linear"], instances["translation"], 1.0
-        to_clip = clip_matrix(camera, bounds)
-        self._scene, self._camera = scene, camera
-        self._draws = DrawList([_triangles(g, device) for g in geometries], instances["geometry"], device)
-        self._to_clip, self._placed, self._offset = to_clip, placed, None
+        self._draws = DrawList([_triangles(g, device) for g in geometries], instances, device)
         self._seen: Raster | None = None
         self._draw = self._draws.paint if painter else self._draws.rasterize
-        corners = _boxes_for_rays(scene, geometries)[instances["geometry"]]
-        rayed = corners[:, 0, 0] < corners[:, 1, 0]
-        boxes = pixel_boxes(camera, to_clip, placed[rayed], corners[rayed])
-        by_ray = np.zeros((camera.height, camera.width), np.uint8)
-        for left, top, right, bottom in boxes:
-            by_ray[top:bottom, left:right] = 1
-        self._by_ray = wp.array(by_ray, dtype=wp.uint8, device=device)
+        self._boxes, self._device = boxes, device
+        corners = rayed[instances]
+        boxed = np.flatnonzero(corners[:, 0, 0] < corners[:, 1, 0])
+        self._rayed = ForRays()
+        self._rayed.instances = wp.array(boxed.astype(np.int32), dtype=wp.int32, device=device)
+        self._rayed.lowers, self._rayed.uppers = (
+            wp.array(np.ascontiguousarray(corners[boxed, k], np.float32), dtype=wp.vec3, device=device)
+            for k in range(2)
+        )
+        self._rayed.boxes = wp.empty(len(boxed), dtype=wp.vec4i, device=device)
+        self._by_ray = wp.zeros((camera.height, camera.width), dtype=wp.uint8, device=device)
         self._hits = wp.empty((camera.height, camera.width), Hit, device=device)
-        self._kernel = _raster_kernel(effects, bool(len(boxes)), sdfs)
+        self._kernel = _raster_kernel(effects, bool(len(boxed)), sdfs)
+        self.follow(scene, camera)
+
+    def follow(self, scene: DeviceScene, camera: CameraRecord) -> None:
+        """See `FirstHits`."""
+        self._scene, self._camera = scene, camera
+        boxes = self._boxes() if camera.orthographic else np.zeros((0, 2, 3))
+        self._to_clip = clip_matrix(camera, boxes)
+        self._shift((0.0, 0.0))
+        if len(self._rayed.instances):
+            size = wp.vec2i(camera.width, camera.height)
+            arguments = [self._draws.matrices, scene.world, size, self._rayed]
+            launch(_box_pixels, len(self._rayed.instances), arguments, self._device)
+            launch(_mark_rows, camera.height, [self._rayed, self._by_ray], self._device, smallest_chunk=16)
+
+    def _shift(self, offset: tuple[float, float]) -> None:
+        """Take instances to clip space for points at this offset from the centres."""
+        to_clip = wp.mat44d(*_moved(self._to_clip, self._camera, offset).reshape(-1))
+        arguments = [to_clip, self._scene.world, self._draws.matrices]
+        launch(_matrices_to_clip, len(self._draws.matrices), arguments, self._device)
+        self._offset = offset
 
     def find(self, threads: int | None = None, offset: tuple[float, float] = (0.0, 0.0)) -> wp.array2d(dtype=Hit):
         """See `FirstHits`; of the rays through points that lie `offset` pixels from the centres, to the right and down.
@@ -110,8 +140,7 @@ class RasterHits:
         `offset` is at most `FARTHEST_OFFSET` either way.
         """
         if offset != self._offset:
-            self._draws.matrices.assign(_moved(self._to_clip, self._camera, offset) @ self._placed)
-            self._offset = offset
+            self._shift(offset)
         self._seen = seen = self._draw(self._camera.width, self._camera.height, threads, into=self._seen)
         arguments = [self._scene, self._camera, self._draws.first_face, seen.face, seen.u, seen.v, self._by_ray]
         size = self._camera.width, self._camera.height
@@ -127,12 +156,12 @@ def _moved(to_clip: np.ndarray, camera: CameraRecord, offset: tuple[float, float
     return shift @ to_clip
 
 
-def clip_matrix(camera: CameraRecord, bounds: np.ndarray) -> np.ndarray:
+def clip_matrix(camera: CameraRecord, boxes: np.ndarray) -> np.ndarray:
     """(4, 4) float64, from the scene's coordinates to clip space, for column vectors.
 
     Depth z / w runs from -1 on the near plane to 0 at infinity (perspective), where float32 is as fine as the depth
-    itself, or to 1 behind the last of `bounds` (orthographic). The far plane is left to whoever reads the hits: what is
-    behind it hides nothing.
+    itself, or to 1 behind the last of the `boxes` (I, 2, 3) (orthographic). The far plane is left to whoever reads the
+    hits: what is behind it hides nothing.
     """
     rotation = np.array(camera.rotation, np.float64).reshape(3, 3)
     position = np.array(camera.position, np.float64)
@@ -143,8 +172,9 @@ def clip_matrix(camera: CameraRecord, bounds: np.ndarray) -> np.ndarray:
     projection = np.zeros((4, 4))
     projection[0, 0], projection[1, 1] = 2 / (right - left), 2 / (top - bottom)
     if camera.orthographic:
-        corners = np.stack(np.meshgrid(*np.asarray(bounds, np.float64).T, indexing="ij"), -1).reshape(-1, 3)
-        farthest = (-(corners @ view[2, :3]) - view[2, 3]).max()
+        boxes = boxes[np.isfinite(boxes).all((1, 2))].astype(np.float64)
+        middle, reach = boxes.sum(1) / 2, (boxes[:, 1] - boxes[:, 0]) / 2
+        farthest = (-(middle @ view[2, :3]) - view[2, 3] + reach @ np.abs(view[2, :3])).max(initial=camera.near)
         depth = max(1.01 * (farthest - camera.near), 1e-6 * abs(camera.near), 1e-30)
         projection[0, 3], projection[1, 3] = -x, -y
         projection[2, 2:] = -2 / depth, -2 * camera.near / depth - 1
@@ -156,38 +186,79 @@ def clip_matrix(camera: CameraRecord, bounds: np.ndarray) -> np.ndarray:
     return projection @ view
 
 
-def _boxes_for_rays(scene: DeviceScene, geometries: Sequence[GeometryRecord]) -> np.ndarray:
-    """(G, 2, 3) object boxes of the geometries that only rays find, empty ones of the others."""
-    boxes = np.zeros((len(geometries), 2, 3))
-    sdfs = scene.sdfs.numpy()
-    for box, geometry in zip(boxes, geometries, strict=True):
-        if SHAPES[geometry.kind] is Sphere:
-            box[:] = [[-geometry.radius], [geometry.radius]]
-        elif SHAPES[geometry.kind] is Sdf:
-            box[:] = sdfs["lower"][geometry.sdf], sdfs["upper"][geometry.sdf]
-    return boxes
-
-
-def pixel_boxes(camera: CameraRecord, to_clip: np.ndarray, placed: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(S, 4) int left, top, right, bottom of the pixels that may see what lies in each box.
-
-    Args:
-        camera: the camera.
-        to_clip: (4, 4) of `clip_matrix`.
-        placed: (S, 4, 4) object-to-scene matrices for column vectors.
-        corners: (S, 2, 3) lower and upper corners in object space; inf has no end.
+@wp.struct
+class ForRays:
+    """Instances (S,) that only rays find, the corners of their boxes in object space, where inf has no end, and left,
+    top, right, bottom of the pixels that may see each.
     """
-    size = np.array([camera.width, camera.height])
-    sides = np.stack(np.meshgrid(*[(0, 1)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    eight = np.stack([corners[:, sides[:, axis], axis] for axis in range(3)] + [np.ones((len(corners), 8))], -1)
-    with np.errstate(all="ignore"):
-        clip = np.einsum("sij,skj->ski", to_clip @ placed, eight)
-        before_eye = (clip[..., 3] > 0).all(1) & np.isfinite(corners).all((1, 2))
-        pixels = (clip[..., :2] / clip[..., 3:] * (0.5, -0.5) + 0.5) * size
-    margin = 1 + FARTHEST_OFFSET
-    low = np.where(before_eye[:, None], np.floor(pixels.min(1) - margin), 0)
-    high = np.where(before_eye[:, None], np.ceil(pixels.max(1) + margin), size)
-    return np.concatenate([np.clip(low, 0, size), np.clip(high, 0, size)], 1).astype(int)
+
+    instances: wp.array(dtype=wp.int32)
+    lowers: wp.array(dtype=wp.vec3)
+    uppers: wp.array(dtype=wp.vec3)
+    boxes: wp.array(dtype=wp.vec4i)
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def _matrices_to_clip(first: wp.int32, to_clip: wp.mat44d, world: World, matrices: wp.array(dtype=wp.mat44d)):
+    i = first + wp.tid()
+    place = world.instances[i]
+    placed = wp.mat44d()
+    for a in range(3):
+        for b in range(4):
+            placed[a, b] = wp.float64(place.to_world[a, b])
+            # Positions that are not finite are not drawn.
+            if place.placed == wp.static(NOT_DRAWN):
+                placed[a, b] = wp.float64(wp.nan)
+    placed[3, 3] = wp.float64(1.0)
+    matrices[i] = to_clip * placed
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def _box_pixels(first: wp.int32, matrices: wp.array(dtype=wp.mat44d), world: World, size: wp.vec2i, rayed: ForRays):
+    i = first + wp.tid()
+    to_clip = matrices[rayed.instances[i]]
+    low = wp.vec2d(wp.float64(wp.inf), wp.float64(wp.inf))
+    high = -low
+    before_eye = wp.bool(True)
+    for k in range(8):
+        corner = wp.vec4d(
+            wp.float64(wp.where((k & 1) != 0, rayed.uppers[i][0], rayed.lowers[i][0])),
+            wp.float64(wp.where((k & 2) != 0, rayed.uppers[i][1], rayed.lowers[i][1])),
+            wp.float64(wp.where((k & 4) != 0, rayed.uppers[i][2], rayed.lowers[i][2])),
+            wp.float64(1.0),
+        )
+        clip = to_clip * corner
+        # A box without an end is not before the eye, nor is what the numbers do not hold.
+        before_eye = before_eye and clip[3] > wp.float64(0.0) and wp.isfinite(clip[0] + clip[1] + clip[3])
+        at = wp.vec2d(clip[0] / clip[3], -clip[1] / clip[3])
+        low = wp.min(low, at)
+        high = wp.max(high, at)
+    box = wp.vec4i(0, 0, size[0], size[1])
+    if before_eye:
+        for a in range(2):
+            pixels = wp.float64(size[a])
+            half = wp.float64(0.5)
+            margin = wp.float64(wp.static(1.0 + FARTHEST_OFFSET))
+            # Clamped first: what lies far outside has no int32.
+            begin = wp.clamp((low[a] * half + half) * pixels - margin, wp.float64(0.0), pixels)
+            end = wp.clamp((high[a] * half + half) * pixels + margin, wp.float64(0.0), pixels)
+            box[a] = wp.int32(wp.floor(begin))
+            box[a + 2] = wp.int32(wp.ceil(end))
+    if world.instances[rayed.instances[i]].placed == wp.static(NOT_DRAWN):
+        box = wp.vec4i(0, 0, 0, 0)
+    rayed.boxes[i] = box
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def _mark_rows(first: wp.int32, rayed: ForRays, by_ray: wp.array2d(dtype=wp.uint8)):
+    y = first + wp.tid()
+    for x in range(by_ray.shape[1]):
+        by_ray[y, x] = wp.uint8(0)
+    for i in range(rayed.boxes.shape[0]):
+        box = rayed.boxes[i]
+        if box[1] <= y and y < box[3]:
+            for x in range(box[0], box[2]):
+                by_ray[y, x] = wp.uint8(1)
 
 
 def _triangles(geometry: GeometryRecord, device: str) -> Triangles:
@@ -271,7 +342,8 @@ def _raster_kernel(effects: tuple[str, ...], by_rays: bool, sdfs: tuple[wp.Funct
                 p1 = scene.geometries[geometry].points[j]
                 p2 = scene.geometries[geometry].points[k]
                 p = p0 + (p1 - p0) * u[y, x] + (p2 - p0) * v[y, x]
-                p = scene.instances[instance].linear * p + scene.instances[instance].translation
+                placed = scene.world.instances[instance].to_world
+                p = linear_of(placed) * p + translation_of(placed)
                 t = wp.max(wp.dot(p - ray.origin, ray.direction), 0.0)
                 if t < ray.t_max:
                     hit.t = t

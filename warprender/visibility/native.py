@@ -205,3 +205,15 @@ def refit_items(
 def refit_inner(nodes: wp.uint64, count: wp.int32, summary: wp.array(dtype=wp.float32)):
     """Box all inner nodes from their children (CPU)."""
     ...
+
+
+@wp.func_native(
+    """
+    const wp::BVH& tree = wp::mesh_get(id).bvh;
+    wp::BVHPackedNodeHalf corner = wp::bvh_load_node(upper ? tree.node_uppers : tree.node_lowers, *tree.root);
+    return wp::vec3(corner.x, corner.y, corner.z);
+"""
+)
+def mesh_corner(id: wp.uint64, upper: wp.int32) -> wp.vec3:
+    """Lower or upper corner of the box of a wp.Mesh's tree, as of its last refit."""
+    ...

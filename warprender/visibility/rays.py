@@ -1,7 +1,7 @@
 """Rays against triangles: watertight, and as Warp has it.
 
 ``RayCaster`` is the batch interface. ``scene_closest`` and ``scene_occluded`` are the same walk for use
-inside kernels, over a ``World`` of instances (see ``trees.WorldTree``).
+inside kernels, over a ``World`` of instances (see ``world_tree.WorldTree``).
 """
 
 import warnings
@@ -15,7 +15,8 @@ from ..numerics import GAMMA_7, max_component
 from ..records import DeviceScene, Hit, Ray, World
 from . import native
 from .native import HitBatch, RayBatch, WideTree
-from .trees import MeshTree, WorldTree
+from .trees import MeshTree
+from .world_tree import WorldTree
 
 Hits = namedtuple("Hits", ("t", "face", "u", "v"))
 

@@ -10,7 +10,7 @@ from functools import cache
 
 import warp as wp
 
-from ..numerics import INFINITY, max_component
+from ..numerics import INFINITY, linear_of, max_component, translation_of
 from ..records import DeviceScene, Hit, Ray, SdfRecord
 from ..shapes.sdf import distance_function
 from . import rays
@@ -105,10 +105,11 @@ def ray_functions(sdfs: tuple[wp.Function, ...] = ()) -> tuple[wp.Function, wp.F
         result = found
         for i in range(scene.sdf_instances.shape[0]):
             number = scene.sdf_instances[i]
-            instance = scene.instances[number]
-            sdf = scene.sdfs[scene.geometries[instance.geometry].sdf]
-            origin = instance.inverse * (ray.origin - instance.translation)
-            direction = instance.inverse * ray.direction
+            placed = scene.world.instances[number]
+            sdf = scene.sdfs[scene.geometries[placed.geometry].sdf]
+            origin = linear_of(placed.to_object) * (ray.origin - translation_of(placed.to_world))
+            # Without a length where it is not drawn.
+            direction = linear_of(placed.to_object) * ray.direction
             begin = wp.max(after.t, 0.0)
             if after.t >= 0.0 and number <= after.instance:
                 # Past the crossing that was answered, or that comes before it in the order.
