@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from .sensors import CameraSensor, LidarSensor
     from .textures import PrimvarReader, Texture
     from .usd import StageReader, load
+    from .visibility.attributes import interpolate
     from .visibility.raster import Raster, rasterize
     from .visibility.rays import RayCaster
 
@@ -96,6 +97,7 @@ _HOMES = {
     "SphereLight": "lights",
     "StageReader": "usd",
     "Texture": "textures",
+    "interpolate": "visibility.attributes",
     "load": "usd",
     "measure_brdf": "gonioreflectometer",
     "rasterize": "visibility.raster",
@@ -136,6 +138,7 @@ __all__ = [
     "SphereLight",
     "StageReader",
     "Texture",
+    "interpolate",
     "load",
     "measure_brdf",
     "rasterize",
