@@ -514,6 +514,29 @@ def test_lights_and_materials_change_to_the_bit():
     assert_same(values(renderer, samples=4), values(prepare(other, CAMERA, 24), samples=4))
 
 
+@pytest.mark.parametrize(
+    "look, changed",
+    [
+        (wr.PreviewSurface(), {"diffuseColor": (0.1, 0.2, 0.9)}),
+        (wr.Phong(), {"diffuseColor": (0.1, 0.2, 0.9), "exponent": 3.0}),
+        (wr.Dielectric(), {"specularColor": (0.5, 0.9, 0.1)}),
+        (wr.DisplayColor(), {"color": (0.7, 0.1, 0.1)}),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_every_kind_of_material_is_followed(look, changed):
+    scene = wr.Scene()
+    scene.add_sphere("/ball", material=look)
+    renderer = aovs(scene, outputs=("albedo",))
+    before = values(renderer)["albedo"]
+    for name, value in changed.items():
+        setattr(look, name, value)
+    renderer.update()
+    after = values(renderer)["albedo"]
+    assert (before != after).any()
+    np.testing.assert_array_equal(after, values(aovs(scene, outputs=("albedo",)))["albedo"])
+
+
 def test_posed_lights_and_glowing_bodies_light_from_where_they_are():
     glow = wr.PreviewSurface(diffuseColor=(0, 0, 0), emissiveColor=(6.0, 4.0, 2.0))
 

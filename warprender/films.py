@@ -16,7 +16,7 @@ class Films:
     """
 
     def __init__(self, width: int, height: int, device: str, filter: str, terms: tuple[int, ...] = ()) -> None:
-        """For pictures of this size in pixels, with these terms kept apart.
+        """For pictures of this size in pixels, which also keep these terms apart.
 
         Raises:
             ValueError: there is no such filter.

@@ -97,6 +97,9 @@ class Request:
     sampler: str = "sobol"
     texture_bytes: int = 0
     denoise: bool = False
+    light_sampling: str = "tree"
+    filter_textures: bool = True
+    adaptive: bool = False
 
 
 @dataclass
@@ -210,7 +213,7 @@ def analyse(
     _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
     plan.shutter, moves = _shutter(scene, camera, request)
     _note(plan, "motion blur", moves, "something that moves from shutter:open to shutter:close of the camera")
-    sdfs = _distance_functions(scene)
+    sdfs = distance_functions(scene)
     guides = GUIDES if request.denoise else ()
     _note(plan, "denoising", "asked for" if guides else "", "--denoise")
     aovs = of_first_hits((*request.outputs, *guides))
@@ -271,6 +274,7 @@ def _color_visibility(
         (f"{passing} lets paths straight through", passing and transport == "path"),
         ("paths are made of rays", transport == "path" and request.visibility == "auto"),
         ("the camera has clippingPlanes", "clippingPlanes" in camera.effects()),
+        ("pixels get samples of their own number", request.adaptive),
         (f"{_sdf(scene)} is a signed distance function", request.visibility == "auto" and _sdf(scene)),
     ):
         if applies:
@@ -390,7 +394,7 @@ def _shape_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
-def _distance_functions(scene: Scene) -> tuple[wp.Function, ...]:
+def distance_functions(scene: Scene) -> tuple[wp.Function, ...]:
     """The functions of all `Sdf` shapes, each once, in drawing order."""
     shapes = (placement.shape for placement in scene.placements.values())
     return tuple(dict.fromkeys(shape.kernel_function() for shape in shapes if isinstance(shape, Sdf)))

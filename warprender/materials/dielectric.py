@@ -29,9 +29,9 @@ from ..records import (
     Surface,
 )
 from ..sampling import ggx_visible_normal
-from ..watched import Watched
 from .fresnel import fresnel_dielectric, refracted, thin_sheet
-from .inputs import NORMAL, Color, Number, Varying, clamped, constant, row_of, values_function
+from .inputs import Color, Number, Varying, clamped, row_of, values_function
+from .material import BaseMaterial
 from .microfacet import SMALLEST_ALPHA, ggx_density, ggx_visible_pdf, smith_length
 
 #: Inputs in the order of their numbers. `normal` has the number of all kinds.
@@ -55,7 +55,7 @@ _SMALLEST_SPREAD = wp.constant(wp.float32(1.0e-5))
 
 
 @dataclass
-class Dielectric(Watched):
+class Dielectric(BaseMaterial):
     """A clear boundary that reflects and refracts. Shader id `warprender:Dielectric`.
 
     Every input is a constant, a `Texture` or a `PrimvarReader`. The medium is on the side that the authored normal
@@ -73,6 +73,8 @@ class Dielectric(Watched):
         normal: in the tangent frame of the texture coordinates; of any length.
     """
 
+    inputs = INPUTS
+
     ior: Number = 1.5
     roughness: Number = 0.0
     specularColor: Color = (1.0, 1.0, 1.0)
@@ -81,30 +83,6 @@ class Dielectric(Watched):
     attenuationDistance: Number = float("inf")
     thinWalled: int | Varying = 0
     normal: Color = (0.0, 0.0, 1.0)
-
-    def pack(self) -> np.ndarray:
-        """Values by input number: (n, 3)."""
-        return np.array([constant(getattr(self, name)) for name in INPUTS], np.float32)
-
-    def varying(self) -> dict[int, tuple[str, Varying | tuple]]:
-        """Input number to name and source of what varies over the surface, a normal that is not the plain one too."""
-        numbered = {number: (name, getattr(self, name)) for number, name in enumerate(INPUTS)}
-        found = {number: named for number, named in numbered.items() if isinstance(named[1], Varying)}
-        if isinstance(self.normal, Varying) or tuple(self.normal) != (0.0, 0.0, 1.0):
-            found[NORMAL] = "normal", self.normal
-        return found
-
-    def passes_light(self) -> bool:
-        """Never straight through: shadow rays stop at it."""
-        return False
-
-    def is_cut_out(self) -> bool:
-        """Never."""
-        return False
-
-    def largest_emission(self) -> float:
-        """Nothing is emitted."""
-        return 0.0
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected and transmitted share of light, any direction and channel."""

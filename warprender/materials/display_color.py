@@ -21,14 +21,14 @@ from ..records import (
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf
 from ..shapes.primvar import primvar_at
-from ..watched import Watched
+from .material import BaseMaterial
 
 COLOR = wp.constant(wp.int32(0))
 OPACITY = wp.constant(wp.int32(1))
 
 
 @dataclass
-class DisplayColor(Watched):
+class DisplayColor(BaseMaterial):
     """Lambert reflection of `primvars:displayColor`, present to the degree `primvars:displayOpacity`.
 
     Attributes:
@@ -43,21 +43,9 @@ class DisplayColor(Watched):
         """Values by input number: (n, 3)."""
         return np.array([self.color, [self.opacity, 0, 0]], np.float32)
 
-    def varying(self) -> dict:
-        """Nothing: the display primvars have slots of their own."""
-        return {}
-
     def passes_light(self) -> bool:
         """Whether rays may go straight through."""
         return self.opacity < 1.0
-
-    def is_cut_out(self) -> bool:
-        """Never."""
-        return False
-
-    def largest_emission(self) -> float:
-        """Nothing is emitted."""
-        return 0.0
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""

@@ -17,8 +17,8 @@ import warp as wp
 from ..numerics import PI
 from ..records import EVENT_SCATTER, BrdfRecord, Bsdf, BsdfSample, BsdfValue, DeviceScene, Surface
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, interval_of, share_of
-from ..watched import Watched
 from .brdf_table import ANGLES, COLUMNS, ROWS, BrdfTable
+from .material import BaseMaterial
 
 ALBEDO = wp.constant(wp.int32(0))
 
@@ -27,7 +27,7 @@ COSINE_SHARE = wp.constant(wp.float32(0.1))
 
 
 @dataclass
-class MeasuredBRDF(Watched):
+class MeasuredBRDF(BaseMaterial):
     """A BRDF looked up in a file of MERL's format; it neither emits nor lets light through.
 
     It is isotropic, and seen alike from both sides. A measurement does not tell a diffuse part from a specular one: a
@@ -48,22 +48,6 @@ class MeasuredBRDF(Watched):
     def pack(self) -> np.ndarray:
         """Values by input number: (1, 3), the albedo seen along the normal."""
         return self.table.albedos[:1].astype(np.float32)
-
-    def varying(self) -> dict:
-        """Nothing: the same all over the surface."""
-        return {}
-
-    def passes_light(self) -> bool:
-        """Never."""
-        return False
-
-    def is_cut_out(self) -> bool:
-        """Never."""
-        return False
-
-    def largest_emission(self) -> float:
-        """Nothing is emitted."""
-        return 0.0
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel; data may reflect more than 1."""

@@ -20,7 +20,8 @@ import warp as wp
 from ..numerics import INV_PI, from_frame, max_component, tangent_of
 from ..records import EVENT_SCATTER, Bsdf, BsdfSample, BsdfValue, DeviceScene, Surface
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf
-from .inputs import NORMAL, Color, Number, Varying, constant, row_of, values_function
+from .inputs import Color, Number, Varying, row_of, values_function
+from .material import BaseMaterial
 
 #: Inputs in the order of their numbers; `normal` has the number of all kinds.
 INPUTS = ("ambientColor", "diffuseColor", "specularColor", "exponent")
@@ -31,7 +32,7 @@ LARGEST_EXPONENT = wp.constant(wp.float32(1.0e7))
 
 
 @dataclass
-class Phong:
+class Phong(BaseMaterial):
     """Phong's reflection model; in USD the shader id `warprender:Phong`, with these inputs.
 
     Every input is a constant, a `Texture` or a `PrimvarReader`. Transports that add up lights one by one ("local",
@@ -46,35 +47,13 @@ class Phong:
         normal: in the tangent frame of the texture coordinates; of any length.
     """
 
+    inputs = INPUTS
+
     ambientColor: Color = (0.0, 0.0, 0.0)
     diffuseColor: Color = (0.18, 0.18, 0.18)
     specularColor: Color = (0.0, 0.0, 0.0)
     exponent: Number = 32.0
     normal: Color = (0.0, 0.0, 1.0)
-
-    def pack(self) -> np.ndarray:
-        """Values by input number: (n, 3)."""
-        return np.array([constant(getattr(self, name)) for name in INPUTS], np.float32)
-
-    def varying(self) -> dict[int, tuple[str, Varying | tuple]]:
-        """Input number to name and source of what varies over the surface, a normal that is not the plain one too."""
-        numbered = {number: (name, getattr(self, name)) for number, name in enumerate(INPUTS)}
-        found = {number: named for number, named in numbered.items() if isinstance(named[1], Varying)}
-        if isinstance(self.normal, Varying) or tuple(self.normal) != (0.0, 0.0, 1.0):
-            found[NORMAL] = "normal", self.normal
-        return found
-
-    def passes_light(self) -> bool:
-        """Never."""
-        return False
-
-    def is_cut_out(self) -> bool:
-        """Never."""
-        return False
-
-    def largest_emission(self) -> float:
-        """Nothing is emitted."""
-        return 0.0
 
     def largest_albedo(self) -> float:
         """Upper bound on the share of light that "path" reflects, any direction and channel."""

@@ -32,9 +32,9 @@ from ..records import (
     Surface,
 )
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal
-from ..watched import Watched
 from .albedo import SIZE, albedo_table, white_albedo
-from .inputs import NORMAL, Color, Number, Varying, clamped, constant, least, row_of, values_function
+from .inputs import Color, Number, Varying, clamped, constant, least, row_of, values_function
+from .material import BaseMaterial
 from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
@@ -65,7 +65,7 @@ OPACITY_MODE = _NUMBERS["opacityMode"]
 
 
 @dataclass
-class PreviewSurface(Watched):
+class PreviewSurface(BaseMaterial):
     """UsdPreviewSurface 2.6; names and fallbacks as in the specification.
 
     Every input but the mode is a constant, a `Texture` or a `PrimvarReader`. `occlusion` is left out: a path tracer
@@ -85,13 +85,15 @@ class PreviewSurface(Watched):
             `Dielectric` refracts.
         opacityMode: "transparent" (the diffuse part fades, reflections stay) or "presence" (all fades).
         opacityThreshold: above 0, a cut-out: below it nothing is drawn, from it on the surface is opaque.
-        ior: index of refraction; sets F0 of dielectrics and of the clearcoat, nothing else.
+        ior: index of refraction; sets F0 of dielectrics and of the clearcoat, nothing else. Below 0 it is 0.
         normal: in the tangent frame of the texture coordinates; of any length.
         displacement: how far points move along the normal, in object units, when a stage or a mesh is taken into a
             scene (`displacement.displaced`).
         specularEdgeColor: F90 in the specular workflow, where the specification knows white alone; other surfaces that
             are drawn as this one have weights on it.
     """
+
+    inputs = INPUTS
 
     diffuseColor: Color = (0.18, 0.18, 0.18)
     emissiveColor: Color = (0.0, 0.0, 0.0)
@@ -113,14 +115,6 @@ class PreviewSurface(Watched):
         """Values by input number: (n, 3)."""
         rows = [constant(getattr(self, name)) for name in INPUTS[:-1]]
         return np.array([*rows, [float(self.opacityMode == "presence"), 0, 0]], np.float32)
-
-    def varying(self) -> dict[int, tuple[str, Varying | tuple]]:
-        """Input number to name and source of what varies over the surface, a normal that is not the plain one too."""
-        numbered = {number: (name, getattr(self, name)) for number, name in enumerate(INPUTS)}
-        found = {number: named for number, named in numbered.items() if isinstance(named[1], Varying)}
-        if isinstance(self.normal, Varying) or tuple(self.normal) != (0.0, 0.0, 1.0):
-            found[NORMAL] = "normal", self.normal
-        return found
 
     def passes_light(self) -> bool:
         """Whether rays may go straight through."""
@@ -145,7 +139,8 @@ class PreviewSurface(Watched):
             return 1.0
         # A white edge bounds every other one.
         tint, f0, f90 = np.array(self.diffuseColor), np.array(self.specularColor), 1.0
-        diffuse, coat_f0 = tint, ((1 - self.ior) / (1 + self.ior)) ** 2
+        ior = max(self.ior, 0.0)
+        diffuse, coat_f0 = tint, ((1 - ior) / (1 + ior)) ** 2
         if not self.useSpecularWorkflow:
             f90 = 1 - self.metallic + tint * self.metallic
             f0 = f90 * (coat_f0 * (1 - self.metallic) + self.metallic)
@@ -183,7 +178,8 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
             return bsdf
 
         bsdf.emission = row_of(values, EMISSIVE_COLOR)
-        r = (1.0 - values[IOR, 0]) / (1.0 + values[IOR, 0])
+        ior = wp.max(values[IOR, 0], 0.0)
+        r = (1.0 - ior) / (1.0 + ior)
         bsdf.coat_f0 = wp.min(r * r, 1.0)
         bsdf.f90 = clamped(row_of(values, SPECULAR_EDGE_COLOR))
         bsdf.diffuse = clamped(row_of(values, DIFFUSE_COLOR))
