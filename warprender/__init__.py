@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
+    from .sensors import CameraSensor, LidarSensor
     from .textures import PrimvarReader, Texture
     from .usd import StageReader, load
     from .visibility.raster import Raster, rasterize
@@ -65,6 +66,7 @@ _HOMES = {
     "BrdfTable": "materials",
     "Camera": "camera",
     "CameraLight": "lights",
+    "CameraSensor": "sensors",
     "CylinderLight": "lights",
     "Dielectric": "materials",
     "DiskLight": "lights",
@@ -74,6 +76,7 @@ _HOMES = {
     "Frame": "frame",
     "IesProfile": "lights",
     "Light": "lights",
+    "LidarSensor": "sensors",
     "LightTexture": "lights",
     "MeasuredBRDF": "materials",
     "MeshLight": "lights",
@@ -103,6 +106,7 @@ __all__ = [
     "BrdfTable",
     "Camera",
     "CameraLight",
+    "CameraSensor",
     "CylinderLight",
     "Dielectric",
     "DiskLight",
@@ -111,6 +115,7 @@ __all__ = [
     "DomeLight",
     "Frame",
     "IesProfile",
+    "LidarSensor",
     "Light",
     "LightTexture",
     "MeasuredBRDF",

@@ -278,6 +278,7 @@ class Renderer:
             self.device,
             self.data_window,
         )
+        upload.record.eye = self._camera_record.position
         upload.record.energy_compensation = int(self.request.energy_compensation)
         upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
         plan = self.plan

@@ -30,7 +30,7 @@ class CameraLight(Light):
 def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
     """The direction to the camera; an irradiance of π makes a white Lambert surface read 1."""
     result = no_light()
-    towards = light.position - p
+    towards = scene.eye - p
     distance = wp.length(towards)
     if distance > 0.0:
         result.direction = towards / distance
