@@ -128,6 +128,9 @@ def test_every_flag_arrives(recorder):
         "sampler": "sobol",
         "energy_compensation": True,
         "denoise": False,
+        "light_sampling": "tree",
+        "filter_textures": True,
+        "adaptive": False,
     }
     assert recorder.renders == [dict(samples=9, error=0.1, seconds=2.5, seed=5, progress=None)]
 

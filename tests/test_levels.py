@@ -16,7 +16,8 @@ LEVELS = (
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"integrators", "upload", "upload_lights", "upload_glow", "upload_shapes", "attaching", "checks", "receipt"},
+    {"adaptive", "integrators", "upload", "upload_lights", "upload_glow", "upload_shapes"}
+    | {"attaching", "checks", "receipt"},
     {"frame", "films", "live", "renderer", "gonioreflectometer"},
     {"usd", "sensors", "newton", "testing", "study", "cli"},
     {"__init__", "__main__"},

@@ -97,6 +97,9 @@ class Request:
     sampler: str = "sobol"
     texture_bytes: int = 0
     denoise: bool = False
+    light_sampling: str = "tree"
+    filter_textures: bool = True
+    adaptive: bool = False
 
 
 @dataclass
@@ -255,6 +258,7 @@ def _color_visibility(
         (f"{passing} lets paths straight through", passing and transport == "path"),
         ("paths are made of rays", transport == "path" and request.visibility == "auto"),
         ("the camera has clippingPlanes", "clippingPlanes" in camera.effects()),
+        ("pixels get samples of their own number", request.adaptive),
         (f"{_sdf(scene)} is a signed distance function", request.visibility == "auto" and _sdf(scene)),
     ):
         if applies:

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
+from .adaptive import PILOT, Allocation
 from .attaching import posed_transforms
 from .camera import Camera
 from .denoise import GUIDES, MISSING, available, denoised
@@ -35,6 +36,8 @@ DEFAULT_SAMPLES = 64
 #: The frame's error is trusted from this many samples a pixel on.
 FEWEST_FOR_ERROR = 16
 SAMPLERS = ("sobol", "independent")
+#: In the order of `DeviceScene.light_sampling`.
+LIGHT_SAMPLINGS = ("tree", "power", "none")
 #: A pass is short enough to report progress and to stop in time.
 _PASS_SECONDS = 0.25
 #: Samples between two looks at the error: it falls by 5 % at most meanwhile, and looking takes time too.
@@ -78,6 +81,12 @@ class Renderer:
             a warning. `frame.stats["texture bytes"]` is what they take.
         denoise: let Open Image Denoise go over color, guided by albedo and normal. Needs the package pyoidn. The
             picture is biased then, and the stated error is that of the picture before.
+        light_sampling: how paths aim at one of many lights: "tree" (by what may arrive), "power" (wherever they are),
+            or "none": paths meet lights by chance, and only those that nothing can meet are aimed at. The same
+            picture but for its noise: a figure for studies.
+        filter_textures: average texture look-ups over a quarter of the pixel's width; without it they take the
+            finest level at one point, and aliasing is left to the samples.
+        adaptive: give more samples to pixels among noisy ones, fewer to those among quiet ones; see `adaptive`.
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
@@ -109,6 +118,9 @@ class Renderer:
         energy_compensation: bool = False,
         texture_bytes: int = TEXTURE_BYTES,
         denoise: bool = False,
+        light_sampling: str = "tree",
+        filter_textures: bool = True,
+        adaptive: bool = False,
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -134,11 +146,16 @@ class Renderer:
             sampler,
             texture_bytes,
             denoise,
+            light_sampling,
+            filter_textures,
+            adaptive,
         )
         if denoise and not available():
             raise SceneError(MISSING)
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
+        if light_sampling not in LIGHT_SAMPLINGS:
+            raise SceneError(f"light sampling {light_sampling!r} is not one of {', '.join(LIGHT_SAMPLINGS)}")
         self._with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = self._analyse()
         self._live = LiveScene(
@@ -281,6 +298,7 @@ class Renderer:
         upload.record.eye = self._camera_record.position
         upload.record.energy_compensation = int(self.request.energy_compensation)
         upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
+        upload.record.light_sampling = LIGHT_SAMPLINGS.index(self.request.light_sampling)
         plan = self.plan
         self._first_hits = self._color_hits = None
         if plan.outputs is not None:
@@ -339,13 +357,20 @@ class Renderer:
             # Compiling and loading come before the clock starts.
             self._pass(request, 0, 0)
         taken, batch, start, next_check = 0, 1, time.perf_counter(), FEWEST_FOR_ERROR
+        allocation = None
         try:
             while taken < limit:
                 begin = time.perf_counter()
                 # Below 1: one more sample for a part of the pixels.
                 batch = min(batch, limit - taken)
-                batch = int(batch) if batch >= 1 else batch
-                self._pass(request, int(taken), max(int(batch), 1), round(pixels * min(batch, 1)))
+                if self.request.adaptive and taken == PILOT:
+                    allocation = Allocation(self._films.last)
+                if allocation is not None:
+                    self._adaptive_pass(request, allocation, taken, batch)
+                else:
+                    batch = min(batch, PILOT - taken) if self.request.adaptive else batch
+                    batch = int(batch) if batch >= 1 else batch
+                    self._pass(request, int(taken), max(int(batch), 1), round(pixels * min(batch, 1)))
                 taken += batch
                 now = time.perf_counter()
                 elapsed, per_sample = now - start, (now - begin) / batch
@@ -371,6 +396,7 @@ class Renderer:
         request.seed = seed & 0xFFFFFFFF
         request.sobol = int(self._sobol)
         request.bounces = int(self.plan.bounds["bounces"])
+        request.unfiltered = int(not self.request.filter_textures)
         request.terms = self._films.last.terms
         request.visible.lights = int(self.request.lights_visible)
         request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
@@ -386,6 +412,12 @@ class Renderer:
             offset = pixel_offset(self._filter_table, request.seed, sample)
             request.hits, request.offset = self._color_hits.find(self.threads, offset), wp.vec2(*offset)
             self._launch(request, sample, min(samples, 1), pixels)
+
+    def _adaptive_pass(self, request: PathRequest, allocation: Allocation, taken: float, more: float) -> None:
+        """Add `more` samples a pixel on average, where the allocation wants them."""
+        counts = allocation.samples(taken + more) - allocation.samples(taken)
+        request.counts, request.adaptive = wp.array(counts, dtype=wp.int32, device=self.device), 1
+        self._launch(request, 0, 0, None)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
         request.first_sample, request.samples = first_sample, samples

@@ -78,6 +78,9 @@ def build_renderer(args: argparse.Namespace, scene: Scene, shown: tuple[str, ...
         sampler=args.sampler,
         energy_compensation=args.energyCompensation,
         denoise=args.denoise,
+        light_sampling=args.lightSampling,
+        filter_textures=not args.disableTextureFilter,
+        adaptive=args.adaptive,
     )
 
 

@@ -37,36 +37,6 @@ def face_viewer(normal: wp.vec3, geometric: wp.vec3, outgoing: wp.vec3) -> wp.ve
     return n
 
 
-<<<<<<< HEAD
-@wp.func
-def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surface:
-    """The local surface in the world; normals by the cotangent (inverse transposed) transform."""
-    instance = scene.instances[hit.instance]
-    surface = Surface()
-    surface.hit = hit
-    surface.geometry = instance.geometry
-    placed = scene.world.instances[hit.instance]
-    position, error = place_point(placed.to_world, placed.to_object, local.position, local.error)
-    surface.position = position
-    surface.error = error
-    surface.outgoing = -safe_normalize(ray.direction)
-    cotangent = wp.transpose(linear_of(placed.to_object))
-    n = safe_normalize(cotangent * local.geometric_normal)
-    shading = cotangent * local.normal
-    surface.front = 1
-    if wp.dot(n, surface.outgoing) < 0.0:
-        n = -n
-        shading = -shading
-        surface.front = 0
-    surface.geometric_normal = n
-    surface.normal = n
-    if not (local.normal == local.geometric_normal):
-        surface.normal = face_viewer(shading, n, surface.outgoing)
-    surface.material = instance.material
-    if instance.material < 0:
-        surface.material = scene.geometries[instance.geometry].face_material[local.face]
-    return surface
-=======
 @cache
 def place_function(bounded: bool) -> wp.Function:
     """`place(scene, ray, hit, local) -> Surface`; `bounded`: with the bound of the position's error."""
@@ -103,7 +73,6 @@ def place_function(bounded: bool) -> wp.Function:
         return surface
 
     return place
->>>>>>> sensor
 
 
 @cache
