@@ -76,7 +76,8 @@ class Renderer:
         lights_visible: whether the camera sees all lights, domes among them.
         filter: reconstruction filter: "box" (one pixel wide), "triangle" (2) or "gaussian" (3).
         sampler: "sobol" (scrambled points, well spread over a pixel's samples) or "independent" numbers.
-        energy_compensation: give back what specular lobes lose between their facets; UsdPreviewSurface does not.
+        energy_compensation: give back what reflecting lobes lose between their facets; UsdPreviewSurface does not.
+            Rough glass (`Dielectric`) loses it still.
         texture_bytes: most memory for pictures, 2 GiB unless asked otherwise; beyond it the largest are halved, with
             a warning. `frame.stats["texture bytes"]` is what they take.
         denoise: let Open Image Denoise go over color, guided by albedo and normal. Needs the package pyoidn. The
