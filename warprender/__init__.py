@@ -15,7 +15,8 @@ What there is, by what it is for; `help(warprender.Scene)` and so on say what go
     lights         Light (what all have), SphereLight, RectLight, DiskLight, CylinderLight, DistantLight, DomeLight,
                    PortalLight, MeshLight, CameraLight; Shaping, Shadow, IesProfile, LightTexture
     measured BRDFs measure_brdf, BrdfTable
-    without scenes RayCaster (rays against one mesh), rasterize, Raster
+    sensors        CameraSensor and LidarSensor (many views of one scene in one launch)
+    without scenes RayCaster (rays against one mesh), rasterize, Raster, interpolate
     test suites    warprender.testing.assert_images_agree
 
 Lengths are scene units, angles degrees, colours linear Rec.709; matrices are for row vectors, poses are position and
