@@ -14,8 +14,8 @@ What there is, by what it is for; `help(warprender.Scene)` and so on say what go
     materials      PreviewSurface, DisplayColor, Dielectric, Phong, MeasuredBRDF; Texture and PrimvarReader for inputs
     lights         Light (what all have), SphereLight, RectLight, DiskLight, CylinderLight, DistantLight, DomeLight,
                    PortalLight, MeshLight, CameraLight; Shaping, Shadow, IesProfile, LightTexture
+    in a loop      CameraSensor (many views, on the device), LidarSensor
     measured BRDFs measure_brdf, BrdfTable
-    sensors        CameraSensor and LidarSensor (many views of one scene in one launch)
     without scenes RayCaster (rays against one mesh), rasterize, Raster, interpolate
     test suites    warprender.testing.assert_images_agree
 
