@@ -44,6 +44,7 @@ def test_without_the_package_it_says_what_to_install(monkeypatch):
         wr.Renderer(*lit_ball(), (4, 4), denoise=True)
 
 
+@NEEDED
 def test_there_must_be_color_to_denoise():
     with pytest.raises(wr.SceneError, match="of color"):
         wr.Renderer(*lit_ball(), (4, 4), outputs="normal", denoise=True)

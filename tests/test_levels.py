@@ -12,14 +12,14 @@ LEVELS = (
     {"numerics", "sampling", "color", "launch", "watched"},
     {"records", "images", "denoise"},
     {"texels", "textures", "texture_lookup"},
-    {"materials", "lights", "shapes", "camera", "outputs", "bodies"},
+    {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
     {"adaptive", "integrators", "upload", "upload_lights", "upload_glow", "upload_shapes"}
     | {"attaching", "checks", "receipt"},
     {"frame", "films", "live", "renderer", "gonioreflectometer"},
-    {"usd", "testing", "study", "cli"},
+    {"usd", "sensors", "newton", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}

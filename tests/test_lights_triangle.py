@@ -6,7 +6,8 @@ import warp as wp
 from chance import SIGMAS, chi_square, polygon_irradiance, solid_angle, z_of
 
 from warprender.lights.triangle import DrawnPoint, SeenTriangle, density_of, draw_point, seen_triangle
-from warprender.records import InstanceRecord
+from warprender.numerics import mat34
+from warprender.records import Instance
 
 N = 1 << 16
 SHAPES = {
@@ -29,7 +30,7 @@ SHAPES = {
 
 @wp.kernel(module="unique", enable_backward=False)
 def points(
-    instance: InstanceRecord,
+    instance: Instance,
     a: wp.vec3,
     b: wp.vec3,
     c: wp.vec3,
@@ -46,8 +47,8 @@ def points(
 
 def drawn(corners, numbers=None, scale=1.0):
     """Points of a triangle seen from the origin, and its solid angle as the device has it."""
-    instance = InstanceRecord()
-    instance.linear = wp.mat33(*(np.eye(3) * scale).reshape(-1))
+    instance = Instance()
+    instance.to_world = mat34(*(np.eye(3, 4) * scale).reshape(-1))
     u = np.random.default_rng(3).random((N, 2), np.float32) if numbers is None else np.float32(numbers)
     out, seen = wp.empty(len(u), dtype=DrawnPoint), wp.empty(1, dtype=SeenTriangle)
     again = wp.empty(len(u), dtype=wp.float32)

@@ -101,8 +101,8 @@ def test_gloss_sees_a_light_as_it_sees_a_glowing_mesh(roughness):
     assert sigma < 0.01 * mesh[..., :3].mean()
 
 
-def test_S10_a_mirror_shows_a_light_whole():
-    # S10: a delta lobe cannot be aimed for; the light it shows is weighed by 1.
+def test_s10_a_mirror_shows_a_light_whole():
+    # a delta lobe cannot be aimed for; the light it shows is weighed by 1.
     scene = wr.Scene()
     floor(scene, material=wr.PreviewSurface(metallic=1.0, diffuseColor=(0.5,) * 3, roughness=0.0))
     scene.add_light(wr.SphereLight(radius=0.5, intensity=3.0), pose=(0, 1.0, -1.0, 0, 0, 0, 1))

@@ -208,7 +208,7 @@ def analyse(
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
     planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
     _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
-    sdfs = _distance_functions(scene)
+    sdfs = distance_functions(scene)
     guides = GUIDES if request.denoise else ()
     _note(plan, "denoising", "asked for" if guides else "", "--denoise")
     aovs = of_first_hits((*request.outputs, *guides))
@@ -378,7 +378,7 @@ def _shape_callers(scene: Scene) -> dict[str, str]:
     return callers
 
 
-def _distance_functions(scene: Scene) -> tuple[wp.Function, ...]:
+def distance_functions(scene: Scene) -> tuple[wp.Function, ...]:
     """The functions of all `Sdf` shapes, each once, in drawing order."""
     shapes = (placement.shape for placement in scene.placements.values())
     return tuple(dict.fromkeys(shape.kernel_function() for shape in shapes if isinstance(shape, Sdf)))

@@ -76,7 +76,8 @@ class Renderer:
         lights_visible: whether the camera sees all lights, domes among them.
         filter: reconstruction filter: "box" (one pixel wide), "triangle" (2) or "gaussian" (3).
         sampler: "sobol" (scrambled points, well spread over a pixel's samples) or "independent" numbers.
-        energy_compensation: give back what specular lobes lose between their facets; UsdPreviewSurface does not.
+        energy_compensation: give back what reflecting lobes lose between their facets; UsdPreviewSurface does not.
+            Rough glass (`Dielectric`) loses it still.
         texture_bytes: most memory for pictures, 2 GiB unless asked otherwise; beyond it the largest are halved, with
             a warning. `frame.stats["texture bytes"]` is what they take.
         denoise: let Open Image Denoise go over color, guided by albedo and normal. Needs the package pyoidn. The
@@ -295,6 +296,7 @@ class Renderer:
             self.device,
             self.data_window,
         )
+        upload.record.eye = self._camera_record.position
         upload.record.energy_compensation = int(self.request.energy_compensation)
         upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
         upload.record.light_sampling = LIGHT_SAMPLINGS.index(self.request.light_sampling)
@@ -468,6 +470,9 @@ def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
         samples: a pixel; 64 when neither `samples`, `error` nor `seconds` is given.
         **options: any other argument of `Renderer` or of `Renderer.render`.
+
+    Returns:
+        The `Frame`: `frame.color` and so on are `wp.array`s, `frame.save(path)` writes a file.
 
     Raises:
         SceneError: the request cannot be met; the message names the prim or the argument.

@@ -297,6 +297,10 @@ struct Binary {
         wp::BVHPackedNodeHalf a = wp::bvh_load_node(tree.node_lowers, node);
         wp::BVHPackedNodeHalf b = wp::bvh_load_node(tree.node_uppers, node);
         float lo[3] = { a.x, a.y, a.z }, hi[3] = { b.x, b.y, b.z };
+        return slab(lo, hi, ray, pad, t_cull);
+    }
+    WR_FN float slab(const float* lo, const float* hi, const Lane& ray, float pad, float t_cull)
+    {
         float near = 0.0f, far = t_cull;
         for (int k = 0; k < 3; ++k) {
             bool down = ray.r[k] < 0.0f;
@@ -561,6 +565,9 @@ struct Wide {
             for (int a = 0; a < 3; ++a)
                 p[i][a] = block.corner[i][a][k];
     }
+
+    // Whether a tree's root holds one leaf and no more; empty slots refer to the root.
+    WR_FN bool is_leaf(const Node& root) { return root.child[0] < 0 && root.child[1] == 0; }
 
     // any: stop at the first hit that counts.
     static __attribute__((noinline)) void trace(const Node* nodes, const Block* blocks, int instance, const Lane& ray,
@@ -867,7 +874,7 @@ struct Geometry {
 struct Instance {
     float to_object[3][4], to_world[3][4];
     int geometry;
-    int placed;  // 0: to_object is the identity
+    int placed;  // 0: to_object is the identity, 3: it only moves; records.MOVED
 };
 struct World {
     const Geometry* geometries;
@@ -875,11 +882,23 @@ struct World {
     int count;
     wp::uint64 tree, nodes, items;  // wp.Bvh over the instances' boxes, collapsed
     float pad;                      // what transforms may add to a box, in units of the ray origin's largest component
+    int listed;                     // 1: only the instances members[first_member] to members[last_member - 1] are there
+    int first_member, last_member;
+    const int* members;
+    const wp::vec3 *lowers, *uppers;  // the instances' boxes
 
     // The ray in object space; the direction keeps its length, so that t is the same in both.
     WR_FN bool enter(const Lane& ray, const Instance& place, Lane& local)
     {
         float m = 0.0f, check = 0.0f;
+        if (place.placed == 3) {
+            local = ray;
+            for (int k = 0; k < 3; ++k) {
+                local.o[k] = ray.o[k] + place.to_object[k][3];
+                check += local.o[k] - local.o[k];
+            }
+            return check == 0.0f;
+        }
         for (int k = 0; k < 3; ++k) {
             const float* row = place.to_object[k];
             local.o[k] = row[0] * ray.o[0] + row[1] * ray.o[1] + row[2] * ray.o[2] + row[3];
@@ -901,8 +920,15 @@ struct World {
         else if (g.mesh)
             Binary::trace(wp::mesh_get(g.mesh), instance, ray, any, best);
 #else
-        else if (g.nodes)
-            Wide::trace((const Wide::Node*)(g.nodes), (const Wide::Block*)(g.blocks), instance, ray, any, best);
+        else if (g.nodes) {
+            const Wide::Node* root = (const Wide::Node*)(g.nodes);
+            const Wide::Block* blocks = (const Wide::Block*)(g.blocks);
+            // Where the instance's box is that of the only leaf, the leaf's own tells nothing new.
+            if (Wide::is_leaf(*root))
+                Wide::leaf(blocks + ~root->child[0], instance, ray, best);
+            else
+                Wide::trace(root, blocks, instance, ray, any, best);
+        }
 #endif
     }
     WR_FN void visit(const World& w, int i, const Lane& ray, bool any, Answer& best)
@@ -920,18 +946,36 @@ struct World {
     // any: stop at the first hit that counts.
     WR_WALK void trace(const World& w, const Lane& ray, bool any, Answer& best)
     {
+        float pad = w.pad * Bound::extreme(ray.o);
+        if (w.listed) {
+            walk_members(w, ray, pad, any, best);
+            return;
+        }
         if (w.count == 1) {
             visit(w, 0, ray, any, best);
             return;
         }
         if (w.count == 0)
             return;
-        float pad = w.pad * Bound::extreme(ray.o);
 #ifdef WR_SCALAR
         walk_binary(w, ray, pad, any, best);
 #else
         walk_wide(w, ray, pad, any, best);
 #endif
+    }
+    // One by one: a few instances need no tree.
+    WR_FN void walk_members(const World& w, const Lane& ray, float pad, bool any, Answer& best)
+    {
+        for (int k = w.first_member; k < w.last_member; ++k) {
+            int i = w.members[k];
+            float lo[3] = { w.lowers[i][0], w.lowers[i][1], w.lowers[i][2] };
+            float hi[3] = { w.uppers[i][0], w.uppers[i][1], w.uppers[i][2] };
+            if (Binary::slab(lo, hi, ray, pad, best.t_cull) < 0.0f)
+                continue;
+            visit(w, i, ray, any, best);
+            if (any && best.found())
+                return;
+        }
     }
     WR_FN void walk_binary(const World& w, const Lane& ray, float pad, bool any, Answer& best)
     {
