@@ -10,7 +10,7 @@ PACKAGE = Path(warprender.__file__).parent
 #: Files and folders of the package by level.
 LEVELS = (
     {"numerics", "sampling", "color", "launch", "watched"},
-    {"records", "images", "denoise"},
+    {"records", "images", "denoise", "shutter"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
     {"scene", "material_tables"},

@@ -28,6 +28,7 @@ from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, term_of, term
 from .plan import LIGHT_BY_LIGHT, OutputsKey, PathKey, RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError, pose_matrix
+from .shutter import shutter_share
 from .texels import TEXTURE_BYTES
 from .visibility.first_hits import RasterHits, RayHits
 
@@ -225,12 +226,7 @@ class Renderer:
             SceneError: the points of a mesh were replaced by another array, or the camera can take no picture.
         """
         start = time.perf_counter()
-        effects = self.camera.effects()
-        self._see_camera()
-        if self._live.look_again() or effects != self.camera.effects():
-            self.plan = self._analyse().kept_from(self.plan, self.camera)
-        self._live.update(self.camera.transform, self.plan.sdfs)
-        self._look()
+        self._follow()
         self._seconds["update"] = time.perf_counter() - start
 
     def set_camera(self, camera: Camera | str | np.ndarray | Sequence) -> None:
@@ -257,6 +253,21 @@ class Renderer:
         pixels = self.resolution[0] * self.resolution[1]
         return analyse(self.scene, self.camera, self.request, self._with_camera_light, pixels)
 
+    def _follow(self) -> None:
+        """See what has changed: camera, scene, and the plan where effects may have come or gone."""
+        seen = self.camera.effects(), self.camera.shutterOpen, self.camera.shutterClose
+        self._see_camera()
+        now = self.camera.effects(), self.camera.shutterOpen, self.camera.shutterClose
+        if self._live.look_again() or seen != now:
+            self.plan = self._analyse().kept_from(self.plan, self.camera)
+        self._live.update(self.camera.transform, self.plan.sdfs)
+        self._look()
+
+    def _go_to(self, time: float) -> None:
+        """Bring the scene to a time in frames from its own."""
+        self.scene.motion(time)
+        self._follow()
+
     def _choose(self, camera: Camera | str | None) -> None:
         """Take a camera, or remember the path of one in the scene, which poses may move."""
         if isinstance(camera, Camera):
@@ -278,6 +289,8 @@ class Renderer:
             if path not in self.scene.cameras:
                 raise SceneError(f"{path}: the camera is no longer in the scene")
             camera = camera_at(self.scene, path)
+        elif path:
+            camera = self.scene.cameras.get(path, camera)
         moved = posed_transforms(self.scene, {path: camera.transform}) if path else {}
         if moved:
             camera = replace(camera, transform=moved[path])
@@ -351,12 +364,15 @@ class Renderer:
     ) -> tuple[float, bool]:
         """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
         self._films.turn()
-        request = self._path_request(seed)
+        request, shutter = self._path_request(seed), self.plan.shutter
         limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
         pixels = self.resolution[0] * self.resolution[1]
         if seconds is not None:
             # Compiling and loading come before the clock starts.
             self._pass(request, 0, 0)
+        take = self._pass if shutter is None else partial(self._blurred_pass, shutter)
+        # A pass at a time of the shutter is one sample of every pixel.
+        adaptive = self.request.adaptive and shutter is None
         taken, batch, start, next_check = 0, 1, time.perf_counter(), FEWEST_FOR_ERROR
         allocation = None
         try:
@@ -364,14 +380,14 @@ class Renderer:
                 begin = time.perf_counter()
                 # Below 1: one more sample for a part of the pixels.
                 batch = min(batch, limit - taken)
-                if self.request.adaptive and taken == PILOT:
+                if adaptive and taken == PILOT:
                     allocation = Allocation(self._films.last)
                 if allocation is not None:
                     self._adaptive_pass(request, allocation, taken, batch)
                 else:
-                    batch = min(batch, PILOT - taken) if self.request.adaptive else batch
+                    batch = min(batch, PILOT - taken) if adaptive else batch
                     batch = int(batch) if batch >= 1 else batch
-                    self._pass(request, int(taken), max(int(batch), 1), round(pixels * min(batch, 1)))
+                    take(request, int(taken), max(int(batch), 1), round(pixels * min(batch, 1)))
                 taken += batch
                 now = time.perf_counter()
                 elapsed, per_sample = now - start, (now - begin) / batch
@@ -390,6 +406,9 @@ class Renderer:
                     progress(share, lambda n=taken: self._frame(values, n, seed, True, settled=True))
         except KeyboardInterrupt:
             return taken, True
+        finally:
+            if shutter is not None:
+                self._go_to(0.0)
         return taken, False
 
     def _path_request(self, seed: int) -> PathRequest:
@@ -419,6 +438,16 @@ class Renderer:
         counts = allocation.samples(taken + more) - allocation.samples(taken)
         request.counts, request.adaptive = wp.array(counts, dtype=wp.int32, device=self.device), 1
         self._launch(request, 0, 0, None)
+
+    def _blurred_pass(
+        self, shutter: tuple[float, float], request: PathRequest, first_sample: int, samples: int, pixels: int
+    ) -> None:
+        """As `_pass`, each sample of all pixels at a time of its own while the shutter is open."""
+        opens, closes = shutter
+        for sample in range(first_sample, first_sample + samples):
+            self._go_to(opens + (closes - opens) * shutter_share(request.seed, sample))
+            request.bounces = int(self.plan.bounds["bounces"])
+            self._pass(request, sample, 1, pixels)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
         request.first_sample, request.samples = first_sample, samples
@@ -457,7 +486,8 @@ class Renderer:
         stats["plan"] = plan.as_dict
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
-        facts = self.scene, plan, self.request, camera, self.data_window.full, samples, seed, self.device
+        shot = samples, seed, self.device, self._camera_path
+        facts = self.scene, plan, self.request, camera, self.data_window.full, *shot
         settled_stats = stats.settle() if settled else stats
         return Frame(ordered, settled_stats, partial(make_receipt, *facts), self.data_window)
 
