@@ -207,7 +207,7 @@ def test_mesh_lights_of_usd(mode, emission, share):
     ],
 )
 def test_mesh_lights_look_as_they_shine(mode, emission, radiance, seen):
-    # White and diffuse in two modes: in a scene without other lights nothing is there to reflect.
+    # The lamp is white, but there is nothing else that it could reflect.
     scene = wr.Scene()
     material = wr.PreviewSurface(diffuseColor=(1, 1, 1), emissiveColor=emission)
     scene.add_mesh("/lamp", CORNERS, [[0, 1, 2, 3]], material=material)

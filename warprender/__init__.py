@@ -14,8 +14,9 @@ What there is, by what it is for; `help(warprender.Scene)` and so on say what go
     materials      PreviewSurface, DisplayColor, Dielectric, Phong, MeasuredBRDF; Texture and PrimvarReader for inputs
     lights         Light (what all have), SphereLight, RectLight, DiskLight, CylinderLight, DistantLight, DomeLight,
                    PortalLight, MeshLight, CameraLight; Shaping, Shadow, IesProfile, LightTexture
+    in a loop      CameraSensor (many views, on the device), LidarSensor
     measured BRDFs measure_brdf, BrdfTable
-    without scenes RayCaster (rays against one mesh), rasterize, Raster
+    without scenes RayCaster (rays against one mesh), rasterize, Raster, interpolate
     test suites    warprender.testing.assert_images_agree
 
 Lengths are scene units, angles degrees, colours linear Rec.709; matrices are for row vectors, poses are position and

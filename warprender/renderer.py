@@ -77,7 +77,8 @@ class Renderer:
         lights_visible: whether the camera sees all lights, domes among them.
         filter: reconstruction filter: "box" (one pixel wide), "triangle" (2) or "gaussian" (3).
         sampler: "sobol" (scrambled points, well spread over a pixel's samples) or "independent" numbers.
-        energy_compensation: give back what specular lobes lose between their facets; UsdPreviewSurface does not.
+        energy_compensation: give back what reflecting lobes lose between their facets; UsdPreviewSurface does not.
+            Rough glass (`Dielectric`) loses it still.
         texture_bytes: most memory for pictures, 2 GiB unless asked otherwise; beyond it the largest are halved, with
             a warning. `frame.stats["texture bytes"]` is what they take.
         denoise: let Open Image Denoise go over color, guided by albedo and normal. Needs the package pyoidn. The
@@ -436,6 +437,12 @@ class Renderer:
             request.hits, request.offset = self._color_hits.find(self.threads, offset), wp.vec2(*offset)
             self._launch(request, sample, min(samples, 1), pixels)
 
+    def _adaptive_pass(self, request: PathRequest, allocation: Allocation, taken: float, more: float) -> None:
+        """Add `more` samples a pixel on average, where the allocation wants them."""
+        counts = allocation.samples(taken + more) - allocation.samples(taken)
+        request.counts, request.adaptive = wp.array(counts, dtype=wp.int32, device=self.device), 1
+        self._launch(request, 0, 0, None)
+
     def _blurred_pass(
         self, shutter: tuple[float, float], request: PathRequest, first_sample: int, samples: int, pixels: int
     ) -> None:
@@ -445,12 +452,6 @@ class Renderer:
             self._go_to(opens + (closes - opens) * shutter_share(request.seed, sample))
             request.bounces = int(self.plan.bounds["bounces"])
             self._pass(request, sample, 1, pixels)
-
-    def _adaptive_pass(self, request: PathRequest, allocation: Allocation, taken: float, more: float) -> None:
-        """Add `more` samples a pixel on average, where the allocation wants them."""
-        counts = allocation.samples(taken + more) - allocation.samples(taken)
-        request.counts, request.adaptive = wp.array(counts, dtype=wp.int32, device=self.device), 1
-        self._launch(request, 0, 0, None)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
         request.first_sample, request.samples = first_sample, samples

@@ -136,12 +136,12 @@ class Scene:
         frames: path to the (4, 4) float64 local-to-world matrix, for row vectors, of prims that are not drawn
             themselves but have drawn ones below them.
         bodies: what `set_poses` has moved.
+        live: what sensors have uploaded of the scene, by device.
         motion: brings the scene to a time in frames from its own, with 0 back to where it was: moves prims by
             `set_poses`, writes points, assigns transforms, lights, cameras. Called between samples of a camera whose
             shutter is open for a time. `load` provides it; for a scene built in Python any function of a float will
             do, so long as the time alone decides what it does. Its method `moving(opens, closes)`, if it has one,
             names what moves between two times, "" where nothing does.
-        live: what sensors have uploaded of the scene, by device.
     """
 
     placements: dict[str, Placement] = field(default_factory=dict)
@@ -158,8 +158,8 @@ class Scene:
     warnings: list[str] = field(default_factory=list)
     frames: dict[str, np.ndarray] = field(default_factory=dict)
     bodies: Bodies = field(default_factory=Bodies)
-    motion: Callable[[float], None] | None = None
     live: dict[object, object] = field(default_factory=dict, init=False, repr=False, compare=False)
+    motion: Callable[[float], None] | None = None
 
     def warn(self, message: str) -> None:
         """Keep a one-line warning, once."""

@@ -176,7 +176,7 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--energyCompensation",
         action="store_true",
-        help="give back the light that rough specular lobes lose, which UsdPreviewSurface does not",
+        help="give back the light that rough reflecting lobes lose, which UsdPreviewSurface does not (nor glass)",
     )
     group.add_argument(
         "--denoise",
