@@ -305,7 +305,7 @@ def busy():
     return scene, scenes.camera((0, 2, 5), (0, 0.7, 0))
 
 
-def test_threads_passes_and_repeats_change_no_bit():
+def test_A7_threads_passes_and_repeats_change_no_bit():
     # A7: 64 samples at once, as four times 16, as 64 times one; on one thread or many.
     scene, view = busy()
     renderer = prepare(scene, view, (24, 20), threads=1)
@@ -358,7 +358,7 @@ def test_the_standard_error_is_that_of_repeated_pictures():
     assert abs(np.sqrt((seen**2).mean() / (stated**2).mean()) - 1) < 0.1
 
 
-def test_a_sample_that_is_not_finite_costs_itself_only():
+def test_A2_a_sample_that_is_not_finite_costs_itself_only():
     # A2: a NaN and an infinite light in one pixel's way; every other pixel keeps its bits.
     def render(bad):
         scene, view = busy()

@@ -44,7 +44,7 @@ def pairs(seed=0, samples=64, bounce=0, dimension=0, n=N, sobol=0):
     return out.numpy()
 
 
-def test_no_two_samples_share_a_stream():
+def test_A4_no_two_samples_share_a_stream():
     # A4: wp.rand_init's 32 bits repeat within one 4K frame; a million keys of two seeds must not.
     for streams in ([keys(0), keys(1)], [keys(0, 0, 1 << 16), keys(0, 2**31 - 8, 1 << 16)]):
         assert np.diff(np.sort(np.concatenate(streams))).all()
