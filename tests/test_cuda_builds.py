@@ -15,6 +15,7 @@ from warprender.integrators.samples import samples_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
 from warprender.visibility import first_hits, placing, trees
+from warprender.visibility.attributes import _kernel as interpolate_kernel
 
 CAMERA = ("perspective",)
 PLAIN = PathKey(("Mesh", "Sphere"), ("DisplayColor",), ("RectLight",), (), CAMERA, True, False)
@@ -30,6 +31,7 @@ GLASS = PathKey(
 
 FAMILIES = {
     "film": _resolve_kernel,
+    "interpolate": lambda: interpolate_kernel(3, True),
     "measured BRDF": lambda: measure_kernel("MeasuredBRDF", ()),
     "outputs": all_outputs,
     "rasterized": lambda: samples_kernel(CAMERA, (), RADIANCE["local"](PLAIN), True),

@@ -60,7 +60,7 @@ def test_what_is_cleared_to():
     clear = {name: output.clear for name, output in OUTPUTS.items()}
     assert clear == {
         **dict.fromkeys(("cameraDepth", "distance", "position", "Peye", "albedo"), 0.0),
-        **dict.fromkeys(("primId", "instanceId", "elementId"), -1),
+        **dict.fromkeys(("primId", "instanceId", "elementId", "semantic"), -1),
         "depth": 1.0,
         "normal": -1.0,
         "Neye": -1.0,

@@ -15,6 +15,16 @@ def luminance(rgb: wp.vec3) -> float:
     return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 
 
+@wp.func
+def srgb_byte(linear: float) -> wp.uint32:
+    """A linear value on the sRGB curve as 0 … 255; values outside of 0 … 1 end there."""
+    x = wp.clamp(linear, 0.0, 1.0)
+    encoded = 12.92 * x
+    if x > 0.0031308:
+        encoded = 1.055 * wp.pow(x, 1.0 / 2.4) - 0.055
+    return wp.uint32(encoded * 255.0 + 0.5)
+
+
 def srgb_encode(linear: np.ndarray) -> np.ndarray:
     """Linear values to the sRGB curve (IEC 61966-2-1); values below 0 become 0, above 1 are kept."""
     linear = np.maximum(np.asarray(linear, np.float64), 0.0)

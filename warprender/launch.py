@@ -42,8 +42,8 @@ def launch(
     if count <= 0:
         return
     threads = thread_count(threads) if device.is_cpu else 1
-    chunk = max(smallest_chunk, -(-count // (threads * _CHUNKS_PER_THREAD)))
-    if threads == 1 or chunk >= count:
+    chunk = _chunk(count, threads, smallest_chunk)
+    if chunk >= count:
         wp.launch(kernel, count, [0, *arguments], device=device)
         return
 
@@ -76,9 +76,52 @@ def launch_pixels(
         device: where to run.
         threads: CPU threads, None for all cores; without meaning on CUDA.
     """
-    on_cpu = wp.get_device(device).is_cpu
-    columns, smallest = (width, _SMALLEST_ROWS) if on_cpu else (1, _SMALLEST_CHUNK)
+    columns, smallest = _columns(width, device)
     launch(kernel, width * height // columns, [columns, *arguments], device, threads, smallest)
+
+
+class RecordedLaunch:
+    """A launch over pixels as `launch_pixels` makes it, prepared once.
+
+    Structs among its arguments are read when it runs: what their fields hold by then counts. They must outlive it.
+    """
+
+    def __init__(
+        self,
+        kernel: wp.Kernel,
+        width: int,
+        height: int,
+        arguments: Sequence,
+        device: str | wp.Device,
+        threads: int | None = None,
+    ) -> None:
+        """Load the kernel and record; arguments as of `launch_pixels`."""
+        device = wp.get_device(device)
+        columns, smallest = _columns(width, device)
+        count = width * height // columns
+        self._threads = thread_count(threads) if device.is_cpu else 1
+        chunk = _chunk(count, self._threads, smallest)
+        self._launches = [
+            wp.launch(kernel, min(chunk, count - first), [first, columns, *arguments], device=device, record_cmd=True)
+            for first in range(0, count, chunk)
+        ]
+
+    def run(self) -> None:
+        """Run, and return when it is done (CPU) or queued (CUDA)."""
+        if len(self._launches) == 1:
+            self._launches[0].launch()
+        else:
+            list(_pool(self._threads).map(wp.Launch.launch, self._launches))
+
+
+def _columns(width: int, device: str | wp.Device) -> tuple[int, int]:
+    """Pixels an item, and items that are worth a launch."""
+    return (width, _SMALLEST_ROWS) if wp.get_device(device).is_cpu else (1, _SMALLEST_CHUNK)
+
+
+def _chunk(count: int, threads: int, smallest: int) -> int:
+    """Items of one launch."""
+    return count if threads == 1 else max(smallest, -(-count // (threads * _CHUNKS_PER_THREAD)))
 
 
 def thread_count(threads: int | None) -> int:

@@ -11,6 +11,7 @@ import warp as wp
 from .attaching import posed_transforms
 from .emitters import lit
 from .lights import CameraLight, Light, MeshLight
+from .plan import distance_functions
 from .records import DeviceScene
 from .scene import Scene
 from .texels import TEXTURE_BYTES
@@ -42,6 +43,7 @@ class Look:
         places: list[object] = []
         for path, placement in scene.placements.items():
             prims += [path, placement.shape, placement.material, placement.instance_ids, len(placement.transforms)]
+            prims.append(placement.semantic)
             prims += contents(placement.shape, ("stored", "handed_out"))
             places += [placement.transforms, placement.visible]
         return cls(prims, places, _entries(scene.materials), _entries(scene.lights))
@@ -81,6 +83,11 @@ class LiveScene:
     def record(self) -> DeviceScene:
         """What kernels read. Another object after prims came or went."""
         return self.upload.record
+
+    @property
+    def replaced(self) -> bool:
+        """Whether something was assigned that `update` has still to see."""
+        return self._look is not self._before
 
     def look_again(self) -> bool:
         """See what of the description has changed; whether effects may have come or gone, which calls for a plan."""
@@ -176,3 +183,48 @@ def _entries(things: dict[str, object]) -> list[object]:
     for key, thing in things.items():
         found += [key, thing, *contents(thing)]
     return found
+
+
+class SharedScene:
+    """One live scene for all sensors of a scene on a device.
+
+    Attributes:
+        live: the scene on the device, relative to where the first view was.
+        plans: counts the changes that call for another plan.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        device: str,
+        eye: np.ndarray,
+        camera_light: bool,
+        sdfs: tuple[wp.Function, ...],
+        texture_bytes: int,
+    ) -> None:
+        """Upload the scene; arguments as of `LiveScene`."""
+        self._scene, self._eye = scene, eye
+        self.live = LiveScene(scene, device, eye, camera_light, sdfs, texture_bytes)
+        self.plans = 0
+        self._placed = scene.bodies.steps
+
+    @classmethod
+    def of(cls, scene: Scene, device: str, eye: np.ndarray, camera_light: bool, *arguments: object) -> SharedScene:
+        """The one that there is, or a new one at `eye` (4, 4)."""
+        key = device, camera_light
+        if key not in scene.live:
+            scene.live[key] = cls(scene, device, eye, camera_light, *arguments)
+        return scene.live[key]
+
+    def follow(self, refit: bool) -> None:
+        """See what has changed; meshes that a simulation writes only with `refit`.
+
+        Raises:
+            SceneError: a mesh's points were replaced by another array.
+        """
+        if self.live.look_again():
+            self.plans += 1
+        elif not refit and self._placed == self._scene.bodies.steps and not self.live.replaced:
+            return
+        self.live.update(self._eye, distance_functions(self._scene))
+        self._placed = self._scene.bodies.steps

@@ -29,6 +29,7 @@ class OutputBuffers:
     primId: wp.array2d(dtype=wp.int32)
     instanceId: wp.array2d(dtype=wp.int32)
     elementId: wp.array2d(dtype=wp.int32)
+    semantic: wp.array2d(dtype=wp.int32)
 
 
 @wp.struct
@@ -126,6 +127,12 @@ def write_element_id(buffers: OutputBuffers, seen: Seen):
     buffers.elementId[seen.y, seen.x] = seen.face
 
 
+@wp.func
+def write_semantic(buffers: OutputBuffers, seen: Seen):
+    """Number of the semantic label, a key of `Scene.semantics`; -1 for what has none."""
+    buffers.semantic[seen.y, seen.x] = seen.instance.semantic
+
+
 @dataclass(frozen=True)
 class Output:
     """One AOV.
@@ -156,6 +163,7 @@ OUTPUTS: dict[str, Output] = {
     "primId": Output(wp.int32, -1, write_prim_id),
     "instanceId": Output(wp.int32, -1, write_instance_id),
     "elementId": Output(wp.int32, -1, write_element_id),
+    "semantic": Output(wp.int32, -1, write_semantic),
 }
 
 

@@ -166,7 +166,10 @@ class Instance:
 
 @wp.struct
 class World:
-    """All instances and the tree over their boxes: what ``scene_closest`` and ``scene_occluded`` walk."""
+    """All instances and the tree over their boxes: what ``scene_closest`` and ``scene_occluded`` walk.
+
+    Where `listed` is 1, only `members` from number `first_member` up to `last_member` are there, and no tree is walked.
+    """
 
     geometries: wp.array(dtype=Geometry)
     instances: wp.array(dtype=Instance)
@@ -175,6 +178,12 @@ class World:
     nodes: wp.uint64  # the same made wide, and its leaves' items, walked on the CPU
     items: wp.uint64
     pad: wp.float32  # growth of those boxes per unit of the ray origin's largest component
+    lowers: wp.array(dtype=wp.vec3)
+    uppers: wp.array(dtype=wp.vec3)
+    members: wp.array(dtype=wp.int32)
+    listed: wp.int32
+    first_member: wp.int32
+    last_member: wp.int32
 
 
 @wp.struct
@@ -407,14 +416,20 @@ class GeometryRecord:
 @wp.struct
 class InstanceRecord:
     """What a placed shape is; where it is stands in `World.instances`. `material` -1 asks the geometry's
-    `face_material`. `light` is the light that it is, where it glows and next-event estimation aims at it; else -1.
+    `face_material`. `semantic` is the number of its label, or -1. `light` is the light that it is, where
+    it glows and next-event estimation aims at it; else -1.
     """
 
     geometry: wp.int32
     material: wp.int32
     prim: wp.int32
     instance_id: wp.int32
+    semantic: wp.int32
     light: wp.int32
+
+
+#: `DeviceScene.light_sampling`: lights are chosen by power alone; or are not aimed at where a path may meet them.
+BY_POWER, BY_CHANCE = wp.constant(wp.int32(1)), wp.constant(wp.int32(2))
 
 
 @wp.struct
@@ -422,6 +437,9 @@ class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
     `local_reflection` is 1 where lights are added up one by one and rough lobes reflect nothing else.
+    `light_sampling` is how paths aim at lights: 0, or `BY_POWER` or `BY_CHANCE`.
+
+    `eye` is the camera's place, where the camera light is.
 
     `sdf_instances` are the numbers of the instances that are signed distance functions.
 
@@ -442,8 +460,10 @@ class DeviceScene:
     sdf_instances: wp.array(dtype=wp.int32)
     materials: wp.array(dtype=MaterialRecord)
     albedo: wp.array2d(dtype=wp.vec4)
+    eye: wp.vec3
     energy_compensation: wp.int32
     local_reflection: wp.int32
+    light_sampling: wp.int32
     inputs: wp.array(dtype=InputRecord)
     pictures: wp.array(dtype=PictureRecord)
     levels: wp.array(dtype=LevelRecord)

@@ -7,7 +7,7 @@ methods build one in Python.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -39,6 +39,7 @@ class Placement(Watched):
         material: key into `Scene.materials`; "" for `Scene.materials[""]`, the display colour.
         instance_ids: (K,) int32, UsdGeomPointInstancer index of each copy, -1 where there is no instancer.
         visible: whether it is drawn, for all copies or (K,) for each.
+        semantic: what it is, as "car", from the semantic labels of its prim or of those above; "" where nothing says.
     """
 
     path: str
@@ -47,6 +48,7 @@ class Placement(Watched):
     material: str = ""
     instance_ids: np.ndarray | None = None
     visible: bool | np.ndarray = True
+    semantic: str = ""
 
     def __post_init__(self) -> None:
         self.transforms = np.asarray(self.transforms, np.float64).reshape(-1, 4, 4)
@@ -71,7 +73,7 @@ class PictureSettings:
         aspectRatioConformPolicy: one of `warprender.camera.CONFORM_POLICIES`.
         dataWindowNDC: left, bottom, right, top of what is drawn, as parts of the picture from its lower left
             corner; beyond 0 and 1 more than the picture is drawn (overscan).
-        disableMotionBlur: nothing here blurs by motion yet, with it or without.
+        disableMotionBlur: the shutter is taken as open for no time (`instantaneousShutter` too).
         disableDepthOfField: cameras of the stage are taken as pinholes.
     """
 
@@ -134,6 +136,12 @@ class Scene:
         frames: path to the (4, 4) float64 local-to-world matrix, for row vectors, of prims that are not drawn
             themselves but have drawn ones below them.
         bodies: what `set_poses` has moved.
+        live: what sensors have uploaded of the scene, by device.
+        motion: brings the scene to a time in frames from its own, with 0 back to where it was: moves prims by
+            `set_poses`, writes points, assigns transforms, lights, cameras. Called between samples of a camera whose
+            shutter is open for a time. `load` provides it; for a scene built in Python any function of a float will
+            do, so long as the time alone decides what it does. Its method `moving(opens, closes)`, if it has one,
+            names what moves between two times, "" where nothing does.
     """
 
     placements: dict[str, Placement] = field(default_factory=dict)
@@ -150,6 +158,8 @@ class Scene:
     warnings: list[str] = field(default_factory=list)
     frames: dict[str, np.ndarray] = field(default_factory=dict)
     bodies: Bodies = field(default_factory=Bodies)
+    live: dict[object, object] = field(default_factory=dict, init=False, repr=False, compare=False)
+    motion: Callable[[float], None] | None = None
 
     def warn(self, message: str) -> None:
         """Keep a one-line warning, once."""
@@ -159,6 +169,17 @@ class Scene:
     def for_product(self, product: RenderProduct) -> Scene:
         """This scene as `product` pictures it; everything but `settings` is shared."""
         return replace(self, settings=product)
+
+    @property
+    def semantics(self) -> dict[int, str]:
+        """What the ids of the output `semantic` stand for: labels in the order in which prims first have them."""
+        labels = dict.fromkeys(p.semantic for p in self.placements.values() if p.semantic)
+        return dict(enumerate(labels))
+
+    @property
+    def prims(self) -> list[str]:
+        """The prim paths that the ids of the output `primId` stand for."""
+        return list(self.placements)
 
     @property
     def meshes(self) -> dict[str, Mesh]:

@@ -128,6 +128,7 @@ class Upload:
         numbers: dict[int, int] = {}
         self._drawn: list[Placement] = []
         rows = [np.zeros(0, InstanceRecord.numpy_dtype())]
+        labels = {label: number for number, label in self._scene.semantics.items()}
         for prim, (path, placement) in enumerate(self._scene.placements.items()):
             with_faces = bool(getattr(placement.shape, "face_materials", None))
             key = id(placement.shape), placement.material if with_faces else ""
@@ -140,6 +141,7 @@ class Upload:
             row["geometry"] = numbers.setdefault(id(part), len(numbers))
             row["material"] = -1 if with_faces else self._materials[placement.material]
             row["prim"], row["instance_id"] = prim, placement.instance_ids
+            row["semantic"] = labels.get(placement.semantic, -1)
             rows.append(row)
             self._drawn.append(placement)
         self.rows = np.concatenate(rows)

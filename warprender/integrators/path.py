@@ -156,7 +156,8 @@ def radiance_function(key: PathKey) -> wp.Function:
             last.diffuse = wp.cw_mul(throughput, scattered.diffuse)
             last.specular = wp.cw_mul(throughput, scattered.specular)
             last.pdf = wp.where(scattered.event == EVENT_DELTA, 0.0, scattered.pdf)
-            cone = scattered_cone(surface.footprint, cone[1], last.pdf)
+            if request.unfiltered == 0:
+                cone = scattered_cone(surface.footprint, cone[1], last.pdf)
 
             if wp.static(transmission):
                 last.normal = light_normal(surface, bsdf)

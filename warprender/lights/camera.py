@@ -14,7 +14,10 @@ from .light import Light, no_light
 
 @dataclass
 class CameraLight(Light):
-    """A point at the camera without falloff: a facing white Lambert surface reads 1 at any distance."""
+    """A point at the camera without falloff: a facing white Lambert surface reads 1 at any distance.
+
+    What all lights have, as `intensity` and `color`, is in `Light`.
+    """
 
     infinite = True
 
@@ -27,7 +30,7 @@ class CameraLight(Light):
 def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> LightSample:
     """The direction to the camera; an irradiance of π makes a white Lambert surface read 1."""
     result = no_light()
-    towards = light.position - p
+    towards = scene.eye - p
     distance = wp.length(towards)
     if distance > 0.0:
         result.direction = towards / distance

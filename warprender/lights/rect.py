@@ -20,6 +20,8 @@ _SMALLEST_SOLID_ANGLE = wp.constant(wp.float32(0.02))
 class RectLight(Light):
     """A rectangle in the local XY plane, centred, that emits towards local -Z.
 
+    What all lights have, as `intensity` and `color`, is in `Light`.
+
     Attributes:
         width: along local X, in light space: scene units unless `transform` scales.
         height: along local Y, likewise.

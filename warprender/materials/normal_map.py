@@ -14,12 +14,15 @@ from .inputs import input_function
 
 
 @cache
-def shading_function(shapes: tuple[str, ...], features: tuple[str, ...], sdfs: tuple[wp.Function, ...]) -> wp.Function:
+def shading_function(
+    shapes: tuple[str, ...], features: tuple[str, ...], sdfs: tuple[wp.Function, ...], bounded: bool = True
+) -> wp.Function:
     """`shading_at(scene, ray, hit, footprint) -> Surface` for these shapes, features of materials and distances.
 
-    `footprint` is the width across the ray of what the hit stands for, in scene units.
+    `footprint` is the width across the ray of what the hit stands for, in scene units. `bounded`: whether rays will
+    leave the surface, which asks for its error.
     """
-    surface_at = surface_function(shapes, sdfs)
+    surface_at = surface_function(shapes, sdfs, bounded)
     input_at = input_function(features)
     mapped = "normal map" in features
 

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..numerics import max_component, triangle_point
-from ..records import GeometryRecord, Hit
+from ..records import DeviceScene, Hit
 from ..watched import Watched
 from .local_surface import LocalSurface
 from .primvar import Primvar, interpolate
@@ -173,24 +173,25 @@ def _cross_2d(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 @wp.func
-def mesh_surface(geometry: GeometryRecord, hit: Hit) -> LocalSurface:
+def mesh_surface(scene: DeviceScene, geometry: int, hit: Hit) -> LocalSurface:
     """The hit point from its barycentrics: eight times nearer to the triangle than origin + t direction."""
-    i = geometry.indices[3 * hit.face]
-    j = geometry.indices[3 * hit.face + 1]
-    k = geometry.indices[3 * hit.face + 2]
-    p0 = geometry.points[i]
-    p1 = geometry.points[j]
-    p2 = geometry.points[k]
+    # The record is read where it is: a copy of it costs more than the arithmetic.
+    i = scene.geometries[geometry].indices[3 * hit.face]
+    j = scene.geometries[geometry].indices[3 * hit.face + 1]
+    k = scene.geometries[geometry].indices[3 * hit.face + 2]
+    p0 = scene.geometries[geometry].points[i]
+    p1 = scene.geometries[geometry].points[j]
+    p2 = scene.geometries[geometry].points[k]
     position, error = triangle_point(p0, p1, p2, hit.u, hit.v)
     local = LocalSurface()
     local.position = position
     local.error = error
     local.geometric_normal = triangle_normal(p0, p1, p2)
     local.normal = local.geometric_normal
-    local.face = geometry.faces[hit.face]
-    if geometry.normals.interpolation >= 0:
+    local.face = scene.geometries[geometry].faces[hit.face]
+    if scene.geometries[geometry].normals.interpolation >= 0:
         vertices = wp.vec3i(i, j, k)
-        n = interpolate(geometry.normals, local.face, hit.face, vertices, hit.u, hit.v)
+        n = interpolate(scene.geometries[geometry].normals, local.face, hit.face, vertices, hit.u, hit.v)
         local.normal = wp.vec3(n[0], n[1], n[2])
     return local
 

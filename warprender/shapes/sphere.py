@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import warp as wp
 
 from ..numerics import sphere_point
-from ..records import GeometryRecord, Hit
+from ..records import Hit
 from ..watched import Watched
 from .local_surface import LocalSurface
 from .primvar import Primvar
@@ -27,9 +27,9 @@ class Sphere(Watched):
 
 
 @wp.func
-def sphere_surface(geometry: GeometryRecord, hit: Hit, origin: wp.vec3, direction: wp.vec3) -> LocalSurface:
+def sphere_surface(radius: float, hit: Hit, origin: wp.vec3, direction: wp.vec3) -> LocalSurface:
     """The hit point, moved onto the sphere, which leaves an error of γ(5) (pbrt-v4 §6.8.5)."""
-    position, error = sphere_point(geometry.radius, origin + direction * hit.t)
+    position, error = sphere_point(radius, origin + direction * hit.t)
     local = LocalSurface()
     local.position = position
     local.error = error

@@ -37,58 +37,73 @@ def face_viewer(normal: wp.vec3, geometric: wp.vec3, outgoing: wp.vec3) -> wp.ve
     return n
 
 
-@wp.func
-def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surface:
-    """The local surface in the world; normals by the cotangent (inverse transposed) transform."""
-    instance = scene.instances[hit.instance]
-    surface = Surface()
-    surface.hit = hit
-    surface.geometry = instance.geometry
-    placed = scene.world.instances[hit.instance]
-    position, error = place_point(placed.to_world, placed.to_object, local.position, local.error)
-    surface.position = position
-    surface.error = error
-    surface.outgoing = -safe_normalize(ray.direction)
-    cotangent = wp.transpose(linear_of(placed.to_object))
-    n = safe_normalize(cotangent * local.geometric_normal)
-    shading = cotangent * local.normal
-    surface.front = 1
-    if wp.dot(n, surface.outgoing) < 0.0:
-        n = -n
-        shading = -shading
-        surface.front = 0
-    surface.geometric_normal = n
-    surface.normal = n
-    if not (local.normal == local.geometric_normal):
-        surface.normal = face_viewer(shading, n, surface.outgoing)
-    surface.material = instance.material
-    if instance.material < 0:
-        surface.material = scene.geometries[instance.geometry].face_material[local.face]
-    return surface
+@cache
+def place_function(bounded: bool) -> wp.Function:
+    """`place(scene, ray, hit, local) -> Surface`; `bounded`: with the bound of the position's error."""
+
+    @wp.func
+    def place(scene: DeviceScene, ray: Ray, hit: Hit, local: LocalSurface) -> Surface:
+        """The local surface in the world; normals by the cotangent (inverse transposed) transform."""
+        instance = scene.instances[hit.instance]
+        surface = Surface()
+        surface.hit = hit
+        surface.geometry = instance.geometry
+        placed = scene.world.instances[hit.instance]
+        if wp.static(bounded):
+            position, error = place_point(placed.to_world, placed.to_object, local.position, local.error)
+            surface.position = position
+            surface.error = error
+        else:
+            surface.position = linear_of(placed.to_world) * local.position + translation_of(placed.to_world)
+        surface.outgoing = -safe_normalize(ray.direction)
+        cotangent = wp.transpose(linear_of(placed.to_object))
+        n = safe_normalize(cotangent * local.geometric_normal)
+        surface.front = 1
+        if wp.dot(n, surface.outgoing) < 0.0:
+            n = -n
+            surface.front = 0
+        surface.geometric_normal = n
+        surface.normal = n
+        if not (local.normal == local.geometric_normal):
+            shading = cotangent * local.normal
+            surface.normal = face_viewer(wp.where(surface.front == 0, -shading, shading), n, surface.outgoing)
+        surface.material = instance.material
+        if instance.material < 0:
+            surface.material = scene.geometries[instance.geometry].face_material[local.face]
+        return surface
+
+    return place
 
 
 @cache
-def surface_function(shapes: tuple[str, ...], sdfs: tuple[wp.Function, ...] = ()) -> wp.Function:
-    """`surface_at(scene, ray, hit)` for hits on these kinds of shapes, by class name, and these distance functions."""
+def surface_function(shapes: tuple[str, ...], sdfs: tuple[wp.Function, ...] = (), bounded: bool = True) -> wp.Function:
+    """`surface_at(scene, ray, hit)` for hits on these kinds of shapes, by class name, and these distance functions.
+
+    `bounded`: whether rays will leave the surface, which asks for its error.
+    """
+    place = place_function(bounded)
     with_spheres = "Sphere" in shapes
     with_sdfs = bool(sdfs)
     sdf_surface = sdf_surface_function(sdfs) if sdfs else None
 
     @wp.func
     def surface_at(scene: DeviceScene, ray: Ray, hit: Hit) -> Surface:
-        geometry = scene.geometries[scene.instances[hit.instance].geometry]
+        geometry = scene.instances[hit.instance].geometry
+        kind = scene.geometries[geometry].kind
         if wp.static(with_spheres):
-            if geometry.kind == 1:
+            if kind == 1:
                 placed = scene.world.instances[hit.instance]
                 origin = object_origin(placed, ray.origin)
                 direction = linear_of(placed.to_object) * ray.direction
-                return place(scene, ray, hit, sphere_surface(geometry, hit, origin, direction))
+                sphere = sphere_surface(scene.geometries[geometry].radius, hit, origin, direction)
+                return place(scene, ray, hit, sphere)
         if wp.static(with_sdfs):
-            if geometry.kind == 2:
+            if kind == 2:
                 placed = scene.world.instances[hit.instance]
                 origin = object_origin(placed, ray.origin)
                 direction = linear_of(placed.to_object) * ray.direction
-                return place(scene, ray, hit, sdf_surface(scene, geometry.sdf, origin, direction, hit.t))
-        return place(scene, ray, hit, mesh_surface(geometry, hit))
+                solid = sdf_surface(scene, scene.geometries[geometry].sdf, origin, direction, hit.t)
+                return place(scene, ray, hit, solid)
+        return place(scene, ray, hit, mesh_surface(scene, geometry, hit))
 
     return surface_at

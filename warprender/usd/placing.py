@@ -24,6 +24,7 @@ from .nurbs import read_nurbs_curves, read_nurbs_patch
 from .points import points_frame, read_point
 from .primvars import inherited_from
 from .reading import Reading, shared_prim
+from .semantics import read_semantic
 from .skeletons import to_skeleton
 from .walk import Visit
 
@@ -64,7 +65,8 @@ def place_shape(reading: Reading, visit: Visit, bindings: Bindings) -> None:
     if shape is None:
         return
     path = _unique(reading.scene.placements, visit)
-    reading.scene.placements[path] = Placement(path, shape, transforms, bindings.key(prim), ids)
+    semantic = read_semantic(reading, prim)
+    reading.scene.placements[path] = Placement(path, shape, transforms, bindings.key(prim), ids, semantic=semantic)
     reading.placed[path] = (prim.GetPath(), *map(Sdf.Path, visit.frame.instancers))
 
 
@@ -93,7 +95,9 @@ def _place_stand_in(reading: Reading, visit: Visit) -> None:
     shape = read_stand_in(reading, visit.prim, visit.draw_mode) if len(transforms) else None
     if shape is not None:
         path = _unique(reading.scene.placements, visit)
-        reading.scene.placements[path] = Placement(path, shape, transforms, "", ids)
+        reading.scene.placements[path] = Placement(
+            path, shape, transforms, "", ids, semantic=read_semantic(reading, visit.prim)
+        )
 
 
 def _shared_shape(reading: Reading, visit: Visit, bindings: Bindings, read: Callable) -> Mesh | Sphere | None:

@@ -50,6 +50,7 @@ class Reading:
         profiles: photometric profiles read so far, by file; None for one that cannot be read.
         portals: PortalLights that domes name.
         sound_instancers: whether USD's own code may look at the point instancers without crashing.
+        semantics: labels found so far, by prim.
         remarks: message to the prims that it is about: the path that stands in the scene, by the path of the
             prim itself, which instances share.
     """
@@ -71,6 +72,7 @@ class Reading:
     light_textures: dict[tuple[str, str], LightTexture | None] = field(default_factory=dict)
     profiles: dict[str, IesProfile | None] = field(default_factory=dict)
     portals: set[Sdf.Path] = field(default_factory=set)
+    semantics: dict[Sdf.Path, str] = field(default_factory=dict)
     remarks: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def remark(self, prim: Usd.Prim, message: str) -> None:

@@ -12,7 +12,7 @@ import warp as wp
 from ..camera import camera_ray_function
 from ..launch import launch, launch_pixels
 from ..numerics import linear_of, translation_of
-from ..records import NOT_DRAWN, CameraRecord, DeviceScene, GeometryRecord, Hit, World
+from ..records import NOT_DRAWN, CameraRecord, DeviceScene, GeometryRecord, Hit, Ray, World
 from .raster import DrawList, Raster, Triangles
 from .rays import miss
 from .sdf import ray_functions
@@ -97,7 +97,7 @@ class RasterHits:
         Raises:
             ValueError: more triangles than int32 can number.
         """
-        self._draws = DrawList([_triangles(g, device) for g in geometries], instances, device)
+        self._draws = DrawList([triangles_of(g, device) for g in geometries], instances, device)
         self._seen: Raster | None = None
         self._draw = self._draws.paint if painter else self._draws.rasterize
         self._boxes, self._device = boxes, device
@@ -261,7 +261,7 @@ def _mark_rows(first: wp.int32, rayed: ForRays, by_ray: wp.array2d(dtype=wp.uint
                 by_ray[y, x] = wp.uint8(1)
 
 
-def _triangles(geometry: GeometryRecord, device: str) -> Triangles:
+def triangles_of(geometry: GeometryRecord, device: str) -> Triangles:
     """The geometry's triangles; none of a sphere's."""
     triangles = Triangles()
     triangles.points = geometry.points if geometry.points is not None else wp.empty(0, wp.vec3, device=device)
@@ -301,6 +301,30 @@ def draw_of(first_face: wp.array(dtype=wp.int32), face: wp.int32) -> wp.int32:
     return low
 
 
+@wp.func
+def rastered(scene: DeviceScene, ray: Ray, instance: int, triangle: int, u: float, v: float) -> Hit:
+    """The hit of a ray with the triangle that the rasterizer saw; a miss behind the ray's end."""
+    hit = miss()
+    geometry = scene.instances[instance].geometry
+    i = scene.geometries[geometry].indices[3 * triangle]
+    j = scene.geometries[geometry].indices[3 * triangle + 1]
+    k = scene.geometries[geometry].indices[3 * triangle + 2]
+    p0 = scene.geometries[geometry].points[i]
+    p1 = scene.geometries[geometry].points[j]
+    p2 = scene.geometries[geometry].points[k]
+    p = p0 + (p1 - p0) * u + (p2 - p0) * v
+    placed = scene.world.instances[instance].to_world
+    p = linear_of(placed) * p + translation_of(placed)
+    t = wp.max(wp.dot(p - ray.origin, ray.direction), 0.0)
+    if t < ray.t_max:
+        hit.t = t
+        hit.instance = instance
+        hit.face = triangle
+        hit.u = u
+        hit.v = v
+    return hit
+
+
 @cache
 def _raster_kernel(effects: tuple[str, ...], by_rays: bool, sdfs: tuple[wp.Function, ...]) -> wp.Kernel:
     """`by_rays`: whether there are pixels that rays look into."""
@@ -333,24 +357,7 @@ def _raster_kernel(effects: tuple[str, ...], by_rays: bool, sdfs: tuple[wp.Funct
             if face[y, x] >= 0 and by_ray[y, x] == wp.uint8(0):
                 ray = camera_ray(camera, px, py, wp.vec2(0.5, 0.5))
                 instance = draw_of(first_face, face[y, x])
-                triangle = face[y, x] - first_face[instance]
-                geometry = scene.instances[instance].geometry
-                i = scene.geometries[geometry].indices[3 * triangle]
-                j = scene.geometries[geometry].indices[3 * triangle + 1]
-                k = scene.geometries[geometry].indices[3 * triangle + 2]
-                p0 = scene.geometries[geometry].points[i]
-                p1 = scene.geometries[geometry].points[j]
-                p2 = scene.geometries[geometry].points[k]
-                p = p0 + (p1 - p0) * u[y, x] + (p2 - p0) * v[y, x]
-                placed = scene.world.instances[instance].to_world
-                p = linear_of(placed) * p + translation_of(placed)
-                t = wp.max(wp.dot(p - ray.origin, ray.direction), 0.0)
-                if t < ray.t_max:
-                    hit.t = t
-                    hit.instance = instance
-                    hit.face = triangle
-                    hit.u = u[y, x]
-                    hit.v = v[y, x]
+                hit = rastered(scene, ray, instance, face[y, x] - first_face[instance], u[y, x], v[y, x])
             hits[y, x] = hit
 
     return raster_hits

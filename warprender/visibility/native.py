@@ -38,7 +38,8 @@ _WORLD = """
     static_assert(sizeof(*world.instances.data) == sizeof(Instance), "Instance");
     static_assert(sizeof(*world.geometries.data) == sizeof(Geometry), "Geometry");
     World w = { (const Geometry*)(world.geometries.data), (const Instance*)(world.instances.data),
-        world.count, world.tree, world.nodes, world.items, world.pad };
+        world.count, world.tree, world.nodes, world.items, world.pad, world.listed, world.first_member,
+        world.last_member, world.members.data, world.lowers.data, world.uppers.data };
     Lane ray;
     Answer best;
 """

@@ -11,7 +11,7 @@ from functools import cache
 import warp as wp
 
 from ..numerics import INFINITY, linear_of, max_component, translation_of
-from ..records import DeviceScene, Hit, Ray, SdfRecord
+from ..records import DeviceScene, Hit, Ray, SdfRecord, World
 from ..shapes.sdf import distance_function
 from . import rays
 from .rays import miss
@@ -37,6 +37,17 @@ def box_interval(lower: wp.vec3, upper: wp.vec3, origin: wp.vec3, direction: wp.
             begin = wp.max(begin, wp.min(a, b))
             end = wp.min(end, wp.max(a, b))
     return wp.vec2(begin, end)
+
+
+@wp.func
+def is_there(world: World, instance: wp.int32) -> bool:
+    """Whether rays may meet an instance: where members are listed, one of them."""
+    if world.listed == 0:
+        return True
+    for k in range(world.first_member, world.last_member):
+        if world.members[k] == instance:
+            return True
+    return False
 
 
 @cache
@@ -115,7 +126,9 @@ def ray_functions(sdfs: tuple[wp.Function, ...] = ()) -> tuple[wp.Function, wp.F
                 # Past the crossing that was answered, or that comes before it in the order.
                 smallest = wp.max(sdf.precision, max_component(wp.abs(origin)) * wp.static(2.0**-22))
                 begin = after.t + smallest / wp.length(direction) + after.t * wp.static(2.0**-22)
-            t = march(sdf, origin, direction, begin, wp.min(ray.t_max, result.t))
+            t = INFINITY
+            if is_there(scene.world, number):
+                t = march(sdf, origin, direction, begin, wp.min(ray.t_max, result.t))
             if t < INFINITY:
                 result = miss()
                 result.t = t

@@ -297,6 +297,10 @@ struct Binary {
         wp::BVHPackedNodeHalf a = wp::bvh_load_node(tree.node_lowers, node);
         wp::BVHPackedNodeHalf b = wp::bvh_load_node(tree.node_uppers, node);
         float lo[3] = { a.x, a.y, a.z }, hi[3] = { b.x, b.y, b.z };
+        return slab(lo, hi, ray, pad, t_cull);
+    }
+    WR_FN float slab(const float* lo, const float* hi, const Lane& ray, float pad, float t_cull)
+    {
         float near = 0.0f, far = t_cull;
         for (int k = 0; k < 3; ++k) {
             bool down = ray.r[k] < 0.0f;
@@ -878,6 +882,10 @@ struct World {
     int count;
     wp::uint64 tree, nodes, items;  // wp.Bvh over the instances' boxes, collapsed
     float pad;                      // what transforms may add to a box, in units of the ray origin's largest component
+    int listed;                     // 1: only the instances members[first_member] to members[last_member - 1] are there
+    int first_member, last_member;
+    const int* members;
+    const wp::vec3 *lowers, *uppers;  // the instances' boxes
 
     // The ray in object space; the direction keeps its length, so that t is the same in both.
     WR_FN bool enter(const Lane& ray, const Instance& place, Lane& local)
@@ -938,18 +946,36 @@ struct World {
     // any: stop at the first hit that counts.
     WR_WALK void trace(const World& w, const Lane& ray, bool any, Answer& best)
     {
+        float pad = w.pad * Bound::extreme(ray.o);
+        if (w.listed) {
+            walk_members(w, ray, pad, any, best);
+            return;
+        }
         if (w.count == 1) {
             visit(w, 0, ray, any, best);
             return;
         }
         if (w.count == 0)
             return;
-        float pad = w.pad * Bound::extreme(ray.o);
 #ifdef WR_SCALAR
         walk_binary(w, ray, pad, any, best);
 #else
         walk_wide(w, ray, pad, any, best);
 #endif
+    }
+    // One by one: a few instances need no tree.
+    WR_FN void walk_members(const World& w, const Lane& ray, float pad, bool any, Answer& best)
+    {
+        for (int k = w.first_member; k < w.last_member; ++k) {
+            int i = w.members[k];
+            float lo[3] = { w.lowers[i][0], w.lowers[i][1], w.lowers[i][2] };
+            float hi[3] = { w.uppers[i][0], w.uppers[i][1], w.uppers[i][2] };
+            if (Binary::slab(lo, hi, ray, pad, best.t_cull) < 0.0f)
+                continue;
+            visit(w, i, ray, any, best);
+            if (any && best.found())
+                return;
+        }
     }
     WR_FN void walk_binary(const World& w, const Lane& ray, float pad, bool any, Answer& best)
     {

@@ -135,6 +135,7 @@ class WorldTree:
     def _record(self) -> None:
         world = self.world
         world.geometries, world.instances, world.count = self._geometries, self.instances, self._count
+        world.lowers, world.uppers = self._placed.lowers, self._placed.uppers
         world.tree = self._bvh.id if self._bvh else 0
         world.nodes, world.items = (self._wide.nodes.address, self._wide.leaves.address) if self._wide else (0, 0)
         if self._reach is None:
