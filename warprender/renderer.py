@@ -373,6 +373,8 @@ class Renderer:
         take = self._pass if shutter is None else partial(self._blurred_pass, shutter)
         # A pass at a time of the shutter is one sample of every pixel.
         adaptive = self.request.adaptive and shutter is None
+        if self.request.adaptive and not adaptive:
+            self.scene.warn("adaptive samples: with motion blur every pixel gets as many")
         taken, batch, start, next_check = 0, 1, time.perf_counter(), FEWEST_FOR_ERROR
         allocation = None
         try:
