@@ -371,10 +371,12 @@ class Renderer:
             # Compiling and loading come before the clock starts.
             self._pass(request, 0, 0)
         take = self._pass if shutter is None else partial(self._blurred_pass, shutter)
-        # A pass at a time of the shutter is one sample of every pixel.
+        # All pixels see one time together: none gets samples of its own number then.
         adaptive = self.request.adaptive and shutter is None
-        if self.request.adaptive and not adaptive:
-            self.scene.warn("adaptive samples: with motion blur every pixel gets as many")
+        if adaptive != self.request.adaptive:
+            self.scene.warn(
+                "adaptive: every pixel gets the same samples, because things move while the shutter is open"
+            )
         taken, batch, start, next_check = 0, 1, time.perf_counter(), FEWEST_FOR_ERROR
         allocation = None
         try:

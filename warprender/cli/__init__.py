@@ -13,11 +13,11 @@ from difflib import get_close_matches
 from typing import NoReturn
 
 from .. import __version__
-from . import check, compare, measure, plan, render, reproduce, study
+from . import check, compare, measure, plan, render, reproduce, study, warm
 from .report import error, interrupted
 
 #: The commands, in the order of the help. Adding one is one file and one entry.
-COMMANDS = (render, plan, check, compare, reproduce, study, measure)
+COMMANDS = (render, plan, warm, check, compare, reproduce, study, measure)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
