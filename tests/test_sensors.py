@@ -49,9 +49,7 @@ def test_views_see_what_renderers_see(visibility):
     images = sensor.update(poses)
     for view, place in enumerate(poses):
         aperture = 2 * 50 * np.tan(np.radians(25))
-        camera = wr.Camera(
-            horizontalAperture=aperture * 40 / 24, verticalAperture=aperture, clippingRange=(0.01, 1e6)
-        )
+        camera = wr.Camera(horizontalAperture=aperture * 40 / 24, verticalAperture=aperture, clippingRange=(0.01, 1e6))
         camera.transform = wr.scene.pose_matrix(place, "")
         frame = wr.render(scene, (40, 24), camera=camera, outputs=AOVS, visibility=visibility)
         same = images.numpy("primId")[view] == frame.numpy("primId")

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         SphereLight,
     )
     from .materials import BrdfTable, Dielectric, DisplayColor, MeasuredBRDF, Phong, PreviewSurface
+    from .newton import from_newton
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -79,6 +80,7 @@ _HOMES = {
     "SphereLight": "lights",
     "StageReader": "usd",
     "Texture": "textures",
+    "from_newton": "newton",
     "load": "usd",
     "measure_brdf": "gonioreflectometer",
     "rasterize": "visibility.raster",
@@ -118,6 +120,7 @@ __all__ = [
     "SphereLight",
     "StageReader",
     "Texture",
+    "from_newton",
     "load",
     "measure_brdf",
     "rasterize",
