@@ -41,7 +41,7 @@ def test_bodies_and_particles_follow_the_state():
     builder = newton.ModelBuilder()
     body = builder.add_body(xform=wp.transform((0, 1, 0), wp.quat_identity()))
     builder.add_shape_sphere(body=body, radius=0.2, xform=wp.transform((0.5, 0, 0), wp.quat_identity()))
-    builder.add_particle((3.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, radius=0.25)
+    builder.add_particle(wp.vec3(3.0, 0.0, 0.0), wp.vec3(), 1.0, radius=0.25)
     model = builder.finalize(device="cpu")
     found, state = wr.from_newton(model), model.state()
     np.testing.assert_allclose(depth_at(found.scene, [(0.5, 5, 0), (3, 5, 0)]), [3.8, 4.75], rtol=1e-5)
@@ -59,7 +59,7 @@ def test_cloth_follows_and_worlds_are_told_apart():
     main.add_world(one)
     main.add_world(one)
     for x, z in ((-1, -1), (1, -1), (0, 1)):
-        main.add_particle((5.0 + x, 1.0, z), (0.0, 0.0, 0.0), 1.0)
+        main.add_particle(wp.vec3(5.0 + x, 1.0, z), wp.vec3(), 1.0)
     main.add_triangle(0, 1, 2)
     model = main.finalize(device="cpu")
     found, state = wr.from_newton(model), model.state()
