@@ -128,6 +128,9 @@ def test_every_flag_arrives(recorder):
         "sampler": "sobol",
         "energy_compensation": True,
         "denoise": False,
+        "light_sampling": "tree",
+        "filter_textures": True,
+        "adaptive": False,
     }
     assert recorder.renders == [dict(samples=9, error=0.1, seconds=2.5, seed=5, progress=None)]
 
@@ -203,6 +206,7 @@ def test_an_interruption_before_the_first_pass_says_so(recorder, monkeypatch, ca
     ("arguments", "message"),
     [
         (["a.usda", "a.xyz"], "a.xyz: unknown image extension"),
+        (["a.usda", "."], ".: is a folder"),
         (["a.usda", "no/a.png"], "no/a.png: the folder no does not exist"),
         (["a.usda", "a.###.png"], "needs --frames"),
         (["a.usda", "a.png", "-f", "1"], "exactly one placeholder"),
@@ -238,6 +242,14 @@ def test_wrong_usage_exits_with_2(arguments, capsys):
     assert exit.value.code == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "error: " in line
+
+
+def test_an_unknown_flag_names_the_command_and_the_flag_that_may_be_meant(capsys):
+    for flag, hint in (("--imagewidth", " (is --imageWidth meant?)"), ("--nothingLikeIt", "")):
+        with pytest.raises(SystemExit):
+            main(["render", "a", "b.png", flag, "5"])
+        expected = f"warprender render: error: unrecognized arguments: {flag} 5{hint}; see warprender render --help\n"
+        assert capsys.readouterr().err == expected
 
 
 def test_plan_as_text_and_as_json(recorder, capsys):

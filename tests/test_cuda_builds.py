@@ -16,6 +16,7 @@ from warprender.integrators.views import ViewKey, views_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
 from warprender.visibility import first_hits, placing, trees, view_raster
+from warprender.visibility.attributes import _kernel as interpolate_kernel
 
 CAMERA = ("perspective",)
 PLAIN = PathKey(("Mesh", "Sphere"), ("DisplayColor",), ("RectLight",), (), CAMERA, True, False)
@@ -36,6 +37,7 @@ GLASS = PathKey(
 
 FAMILIES = {
     "film": _resolve_kernel,
+    "interpolate": lambda: interpolate_kernel(3, True),
     "measured BRDF": lambda: measure_kernel("MeasuredBRDF", ()),
     "outputs": all_outputs,
     "rasterized": lambda: samples_kernel(CAMERA, (), RADIANCE["local"](PLAIN), True),

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 import scenes
+from first_hits import TOLERANCE, differing, edge_distance, first_hits
 
 import warprender as wr
 from warprender.plan import Request, analyse
 
 SIZE = (96, 72)
-#: Raster and rays may differ where a centre is this near to an edge, in pixels.
-TOLERANCE = 1 / 256
 
 
 def tilted(x, y, z, scale=1.0):
@@ -83,34 +82,13 @@ STAGES = {
 }
 
 
-def first_hits(scene, camera, visibility):
-    renderer = wr.Renderer(scene, camera, SIZE, ("primId",), visibility=visibility)
-    return renderer, renderer._first_hits.find().numpy().copy()
-
-
-def edge_distance(renderer, hit, x, y):
-    """Pixels from a centre to the nearest edge of the triangle that was hit there."""
-    upload = renderer._live.upload
-    geometry = upload.parts[upload.rows["geometry"][hit["instance"]]].record
-    points = geometry.points.numpy()[geometry.indices.numpy().reshape(-1, 3)[hit["face"]]].astype(float)
-    matrix = renderer._first_hits._draws.matrices.numpy()[hit["instance"]]
-    clip = np.concatenate([points, np.ones((3, 1))], 1) @ matrix.T
-    # Clip-space lines are straight on the screen, whatever the signs of w.
-    distances = []
-    for k in range(3):
-        line = np.cross(clip[k][[0, 1, 3]], clip[k - 1][[0, 1, 3]]) * (2 / SIZE[0], -2 / SIZE[1], 1)
-        line[2] -= line[0] * SIZE[0] / 2 + line[1] * SIZE[1] / 2
-        distances.append(abs(line @ (x + 0.5, y + 0.5, 1)) / np.hypot(line[0], line[1]))
-    return min(distances)
-
-
 @pytest.mark.parametrize("name", STAGES)
 def test_raster_and_rays_see_the_same(name):
     build, camera = STAGES[name]
-    _, by_rays = first_hits(build(), camera, "rays")
-    renderer, by_raster = first_hits(build(), camera, "raster")
+    _, by_rays = first_hits(build(), camera, "rays", SIZE)
+    renderer, by_raster = first_hits(build(), camera, "raster", SIZE)
     assert (by_rays["instance"] >= 0).mean() > 0.02
-    differs = (by_rays["instance"] != by_raster["instance"]) | (by_rays["face"] != by_raster["face"])
+    differs = differing(by_rays, by_raster)
     for y, x in np.argwhere(differs):
         hits = [h for h in (by_rays[y, x], by_raster[y, x]) if h["instance"] >= 0]
         cut = min(abs(h["t"]) for h in hits) < 1e-3 or len(hits) == 1

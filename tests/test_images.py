@@ -45,7 +45,7 @@ def test_exr_of_integers_alone(tmp_path):
     assert metadata["warprender"] == "x"
 
 
-def test_half_floats_clamp_what_is_finite_and_leave_integers(tmp_path):
+def test_A6_half_floats_clamp_what_is_finite_and_leave_integers(tmp_path):
     color = np.zeros((1, 4, 4), np.float32)
     color[0, :, 0] = 65519.0, 65520.0, -1e9, np.inf
     layers = {"color": color, "primId": np.array([[1, 2, 70000, -1]], np.int32)}
@@ -72,7 +72,7 @@ def test_png_without_colour_correction_is_linear(tmp_path):
     assert metadata.get("oiio:Gamma", 1.0) == 1.0
 
 
-def test_pixels_that_no_byte_can_hold():
+def test_A6_pixels_that_no_byte_can_hold():
     values = np.array([[[np.nan, np.inf, -np.inf, np.nan], [-0.1, 1e30, 1.0, 2.0]]], np.float32)
     expected = [[[0, 255, 0, 0], [0, 255, 255, 255]]]
     np.testing.assert_array_equal(images.display_bytes(values), expected)

@@ -10,13 +10,14 @@ PACKAGE = Path(warprender.__file__).parent
 #: Files and folders of the package by level.
 LEVELS = (
     {"numerics", "sampling", "color", "launch", "watched"},
-    {"records", "images", "denoise"},
+    {"records", "images", "denoise", "shutter"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"integrators", "upload", "upload_lights", "upload_glow", "upload_shapes", "attaching", "checks", "receipt"},
+    {"adaptive", "integrators", "upload", "upload_lights", "upload_glow", "upload_shapes"}
+    | {"attaching", "checks", "receipt"},
     {"frame", "films", "live", "renderer", "gonioreflectometer"},
     {"usd", "sensors", "newton", "testing", "study", "cli"},
     {"__init__", "__main__"},

@@ -200,16 +200,16 @@ def test_directions_to_a_rectangle_are_distributed_as_their_pdf(distance, place)
 
 
 @pytest.mark.parametrize("ratio", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
-def test_small_spheres_keep_their_light(ratio):
-    # L1: E = π L (r/d)², by light sampling without any noise to speak of.
+def test_l1_small_spheres_keep_their_light(ratio):
+    # E = π L (r/d)², by light sampling without any noise to speak of.
     light = wr.SphereLight(radius=ratio, intensity=1.0)
     values = irradiances(sampled(light, (0, 0, -1.0), 4096), np.array([0, 0, 1.0]))
     assert abs(z_of(values, np.pi * ratio**2)) < SIGMAS
     assert values.std() < 0.01 * values.mean() + 0.5 * np.pi * ratio**4
 
 
-def test_a_sphere_light_from_inside_and_from_its_surface():
-    # L2: it emits outwards only; a surface that touches it sees at most half a sphere of it, E = π L.
+def test_l2_a_sphere_light_from_inside_and_from_its_surface():
+    # it emits outwards only; a surface that touches it sees at most half a sphere of it, E = π L.
     light = wr.SphereLight(radius=0.5, intensity=3.0)
     assert (sampled(light, (0.1, 0.2, 0.1), 64)["pdf"] == 0).all()
     for distance in (0.5, np.nextafter(np.float32(0.5), np.float32(1)), 0.5001):
@@ -220,8 +220,8 @@ def test_a_sphere_light_from_inside_and_from_its_surface():
 
 @pytest.mark.parametrize("height", [1e-2, 1e-3, 1e-4])
 @pytest.mark.parametrize(("x", "expected"), [(0.0, np.pi), (0.5, np.pi / 2), (0.45, np.pi)])
-def test_a_rectangle_just_above_the_surface(x, expected, height):
-    # L3: under its middle E is that of the whole hemisphere, under its edge half of it.
+def test_l3_a_rectangle_just_above_the_surface(x, expected, height):
+    # under its middle E is that of the whole hemisphere, under its edge half of it.
     light = wr.RectLight(width=1.0, height=1.0)
     p = np.array([x, 0.0, -height])
     normal = np.array([0, 0, 1.0])
@@ -232,8 +232,8 @@ def test_a_rectangle_just_above_the_surface(x, expected, height):
     assert abs(z_of(values, exact, floor=2e-6)) < SIGMAS
 
 
-def test_a_thin_strip():
-    # L3: 2 m by 1e-6 m, 1 m away.
+def test_l3_a_thin_strip():
+    # 2 m by 1e-6 m, 1 m away.
     light = wr.RectLight(width=2.0, height=1e-6)
     p, normal = np.array([0.2, 0.0, -1.0]), np.array([0, 0, 1.0])
     expected = polygon_irradiance(p, normal, outline(light, p))
@@ -242,8 +242,8 @@ def test_a_thin_strip():
 
 @pytest.mark.parametrize("p", [(0.2, 0.1, 0.0), (0.2, 0.1, -0.0), (3.0, 0.0, 0.0), (3.0, 0.0, -1e-12)])
 @pytest.mark.parametrize("kind", ["rect", "disk"])
-def test_points_in_the_plane_of_a_flat_light(kind, p):
-    # L2: finite, and no brighter than the light allows.
+def test_l2_points_in_the_plane_of_a_flat_light(kind, p):
+    # finite, and no brighter than the light allows.
     light = KINDS[kind]()
     samples = sampled(light, p, 4096)
     assert np.isfinite(samples["pdf"]).all() or (samples["pdf"] > 0).all()
@@ -294,7 +294,7 @@ def test_a_distant_light_without_an_angle_is_one_direction():
     ],
     ids=lambda light: type(light).__name__,
 )
-def test_a_light_without_size_or_power_is_never_chosen(light):
+def test_l4_a_light_without_size_or_power_is_never_chosen(light):
     # L4; beside it, the light that has power is chosen always.
     scene = wr.Scene()
     good = wr.SphereLight()

@@ -156,8 +156,8 @@ def test_formats_look_up_the_same_world(direction):
 
 
 @pytest.mark.parametrize("row", [8, 20])
-def test_a_sun_in_one_texel(row):
-    # L7: the illuminance of a texel's worth of light, from 64 samples a pixel.
+def test_l7_a_sun_in_one_texel(row):
+    # the illuminance of a texel's worth of light, from 64 samples a pixel.
     texels = np.zeros((256, 512, 3), np.float32)
     texels[row, 300] = 1e6
     _, directions, solid = bilinear_sphere(texels, refine=1)
@@ -177,7 +177,7 @@ def test_a_dark_sky_around_the_sun_is_not_lost():
     assert_illuminance(scene, expected, within=0.05, slack=1e-4)
 
 
-def test_bad_texels_are_black_and_said():
+def test_l7_bad_texels_are_black_and_said():
     texels = np.ones((8, 16, 3), np.float32)
     texels[0, 0, 1], texels[1, 1], texels[2, 2] = np.nan, np.inf, -1.0
     texture = LightTexture.of(texels)
@@ -188,13 +188,13 @@ def test_bad_texels_are_black_and_said():
     assert any("texels" in warning for warning in scene.warnings)
 
 
-def test_a_black_map_gives_no_light():
+def test_l7_a_black_map_gives_no_light():
     mean, _ = illuminance(floor(DomeLight(texture=LightTexture.of(np.zeros((8, 16, 3))))), samples=4)
     assert mean.max() == 0
 
 
-def test_rows_and_poles_without_light():
-    # L7: a zero row at the pole, and all the light in the row beside it.
+def test_l7_rows_and_poles_without_light():
+    # a zero row at the pole, and all the light in the row beside it.
     texels = np.zeros((16, 32, 3), np.float32)
     texels[1] = 1.0
     rows, columns, density = bins(texels)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from chance import SIGMAS, polygon_irradiance
 from light_scenes import assert_illuminance, floor, illuminance, pose
-from scenes import cube, icosphere
+from pictures import picture
+from scenes import cube, icosphere, window
 from usd_stage import scene_of
 
 import warprender as wr
@@ -193,6 +194,32 @@ def test_mesh_lights_of_usd(mode, emission, share):
     scene = scene_of(text)
     assert not scene.warnings
     assert_illuminance(scene, share * expected())
+
+
+@pytest.mark.parametrize("seen", ["by the camera", "in a mirror"])
+@pytest.mark.parametrize(
+    ("mode", "emission", "radiance"),
+    [
+        ("materialGlowTintsLight", (0, 0, 0), (4, 4, 4)),
+        ("materialGlowTintsLight", (0.5, 0.25, 1.0), (2, 1, 4)),
+        ("independent", (0.5, 0.25, 1.0), (4, 4, 4)),
+        ("noMaterialResponse", (0.5, 0.25, 1.0), (4, 4, 4)),
+    ],
+)
+def test_mesh_lights_look_as_they_shine(mode, emission, radiance, seen):
+    # The lamp is white, but there is nothing else that it could reflect.
+    scene = wr.Scene()
+    material = wr.PreviewSurface(diffuseColor=(1, 1, 1), emissiveColor=emission)
+    scene.add_mesh("/lamp", CORNERS, [[0, 1, 2, 3]], material=material)
+    scene.add_light(MeshLight(prim="/lamp", intensity=2.0, exposure=1.0, materialSyncMode=mode), "/lamp light")
+    view = window(0.02, (0, 0, 0.5), (0, 0, 1.1))
+    if seen == "in a mirror":
+        mirror = wr.PreviewSurface(diffuseColor=(1, 1, 1), metallic=1.0, roughness=0.0)
+        square = [(-0.1, -0.1, 0), (0.1, -0.1, 0), (0.1, 0.1, 0), (-0.1, 0.1, 0)]
+        scene.add_mesh("/mirror", square, [[0, 1, 2, 3]], material=mirror)
+        view = window(0.02, (0, 0, 0.01), (0, 0, 0))
+    color, _ = picture(scene, view, 4, 16, bounces=1, camera_light="off")
+    np.testing.assert_allclose(color[..., :3], np.broadcast_to(radiance, (4, 4, 3)), rtol=1e-5)
 
 
 def test_geometry_lights_make_their_targets_shine():

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pictures import picture
+from pictures import outputs, picture
 
 import warprender as wr
 from warprender.color import LUMINANCE, blackbody_tint
@@ -44,6 +44,12 @@ def light(name, time):
     return found
 
 
+def all_groups(name):
+    """What each group of frames varies, and what it holds fast."""
+    for group in descriptions()[name]["frame_groups"]:
+        yield group["varying"], group["non_default_constants"]
+
+
 def groups(name, attribute):
     """Frame to value, of the groups that vary an attribute."""
     for group in descriptions()[name]["frame_groups"]:
@@ -63,12 +69,15 @@ def test_colour_temperature_tints_by_the_black_body(name):
             assert abs(blackbody_tint(values[time]) @ LUMINANCE - 1) < 0.02
 
 
-@pytest.mark.parametrize(("name", "attribute"), [(n, "radius") for n in ("sphere", "disk")] + [("rect", "width")])
+@pytest.mark.parametrize(
+    ("name", "attribute"), [(n, "radius") for n in ("sphere", "disk", "cylinder")] + [("rect", "width")]
+)
 def test_size_without_and_with_normalize(name, attribute):
     plain, normalised = (v for v, constants in groups(name, attribute) if "inputs:shaping:cone:angle" not in constants)
     times = sorted(plain)
     for first, second in pairwise(times):
-        power = {"radius": 2, "width": 1}[attribute]
+        # A cylinder of twice the radius is twice as wide.
+        power = 2 if name in ("sphere", "disk") else 1
         ratio = (plain[second] / plain[first]) ** power
         # The floor is near: what is seen of a light grows a little less than its area.
         measured = mean(name, second)[0] / mean(name, first)[0]
@@ -128,6 +137,38 @@ def test_normalised_distant_lights_keep_their_illuminance():
                 assert mean("distant", time)[0] == pytest.approx(first, rel=0.03)
 
 
+def floor_under(time):
+    """Where the floor is seen, and what it reflects of the distant light there."""
+    color, scene, _ = frame("distant", time)
+    normal = outputs(scene, None, ("normal",), 24)["normal"]
+    return normal[..., 1] > 0.999, color[..., 0]
+
+
+def test_distant_lights_go_by_the_cosine():
+    ((poses, _),) = (g for g in all_groups("distant") if "xformOp:transform" in g[0])
+    seen, first = floor_under(1)
+    for time, matrix in poses["xformOp:transform"].items():
+        # Light travels along -Z; what is away from edges and shadows is most of the floor. Its black specular lobe
+        # still reflects at grazing angles (Schlick), which takes 2 % of the diffuse light at 60 degrees.
+        share = np.median(floor_under(int(time))[1][seen] / first[seen])
+        if matrix[2][1] >= 0.4:
+            assert share == pytest.approx(matrix[2][1], rel=0.03)
+
+
+def test_distant_lights_of_an_angle_shine_by_its_sine_squared():
+    plain, normalised = (values for values, _ in groups("distant", "angle"))
+    for values, power in ((plain, 2), (normalised, 0)):
+        times = [time for time in sorted(values) if 0 < values[time] <= 100]
+        seen, first = floor_under(times[0])
+        cosine = light("distant", times[0]).transform[2, 1]
+        for time in times[1:]:
+            half = np.radians(values[time]) / 2
+            if np.sin(half) < cosine:
+                share = np.median(floor_under(time)[1][seen] / first[seen])
+                expected = (np.sin(half) / np.sin(np.radians(values[times[0]]) / 2)) ** power
+                assert share == pytest.approx(expected, rel=0.05), (time, values[time])
+
+
 @pytest.mark.parametrize(("uniform", "other"), [(11, 1), (13, 3), (18, 8), (20, 10), (31, 36)])
 def test_profiles_of_other_steps_shine_alike(uniform, other):
     # Two files of the same stripes; scales of 0, 4e-16 and -7e-16 are the same.
@@ -140,7 +181,7 @@ def test_profiles_of_other_steps_shine_alike(uniform, other):
     np.testing.assert_allclose(second.mean(), first.mean(), rtol=0.01)
 
 
-@pytest.mark.parametrize("name", ["sphere", "rect"])
+@pytest.mark.parametrize("name", AREA_LIGHTS)
 def test_a_normalised_profile_divides_by_its_power(name):
     plain, normalised = (
         (v, c) for v, c in groups(name, "shaping:ies:angleScale") if "omni002" in c["inputs:shaping:ies:file"]

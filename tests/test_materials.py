@@ -193,8 +193,8 @@ def test_roughness_below_a_delta_lobes_is_a_mirror():
 @pytest.mark.parametrize(
     "look", ["plastic", "metal", "coated", "glass", "delta coat", "phong", "measured", "measured, few cells"]
 )
-def test_degenerate_directions_give_numbers(look):
-    # S9: no half-vector, grazing to the last bit, and the normal itself.
+def test_s9_degenerate_directions_give_numbers(look):
+    # no half-vector, grazing to the last bit, and the normal itself.
     edge = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, 0, 1), towards(1e-7), towards(1e-7, 0.3 + np.pi), towards(1e-20)]
     edge = np.array([e / np.linalg.norm(e) for e in edge] + [(1, 0, 1e-30), (-1, 0, 1e-30)])
     wo, wi = (grid.reshape(-1, 3) for grid in np.broadcast_arrays(edge[:, None], edge[None]))
@@ -207,8 +207,8 @@ def test_degenerate_directions_give_numbers(look):
         assert np.isfinite(weights(sampled(LOOKS[look], direction, 256))).all()
 
 
-def test_the_density_of_microfacets_keeps_its_digits():
-    # S1: angles of 0 to 5 alpha, for every alpha that is not a mirror.
+def test_s1_the_density_of_microfacets_keeps_its_digits():
+    # angles of 0 to 5 alpha, for every alpha that is not a mirror.
     @wp.kernel(module="unique", enable_backward=False)
     def density(h: wp.array(dtype=wp.vec3), alpha: wp.array(dtype=wp.float32), out: wp.array(dtype=wp.float32)):
         i = wp.tid()
@@ -226,8 +226,8 @@ def test_the_density_of_microfacets_keeps_its_digits():
 
 
 @pytest.mark.parametrize("alpha", [1.0, 0.1, 1e-3, 1e-4, 1e-8])
-def test_visible_normals_at_the_limits(alpha):
-    # S3: never below the surface, never seen from behind, always numbers.
+def test_s3_visible_normals_at_the_limits(alpha):
+    # never below the surface, never seen from behind, always numbers.
     @wp.kernel(module="unique", enable_backward=False)
     def visible(wo: wp.vec3, alpha: wp.float32, u: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
         i = wp.tid()

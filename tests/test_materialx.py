@@ -233,6 +233,41 @@ def test_primvars_are_read():
     assert surface.diffuseColor == PrimvarReader("paint", (0.0,)) and warnings == []
 
 
+PAINT = np.array([(0.2, 0.4, 0.6), (0.9, 0.1, 0.3), (0.5, 0.8, 0.05)], np.float32)
+
+
+@pytest.mark.parametrize("named", [True, False])
+@pytest.mark.parametrize(
+    ("identifier", "inputs", "expected"),
+    [
+        ("multiply_color3", "color3f inputs:in2 = (0.5, 0.25, 1)\n", lambda c: c * (0.5, 0.25, 1)),
+        ("subtract_color3FA", "float inputs:in2 = 0.05\n", lambda c: c - 0.05),
+        ("luminance_color3", "", lambda c: np.repeat(c @ [[0.2722287], [0.6740818], [0.0536895]], 3, -1)),
+    ],
+)
+def test_linear_arithmetic_on_primvars_is_exact(identifier, inputs, expected, named):
+    reader = node(
+        "c", "geompropvalue_color3", 'string inputs:geomprop = "paint"\ncolor3f inputs:default = (1, 0.5, 0.25)\n'
+    )
+    first = "in" if "luminance" in identifier else "in1"
+    nodes = reader + node("n", identifier, link("color3f", first, "c") + inputs)
+    text = stage_text(COLOR + "float inputs:base = 1\nfloat inputs:specular = 0\n", nodes)
+    if named:
+        values = [tuple(map(float, c)) for c in PAINT]
+        paint = f'color3f[] primvars:paint = {values} ( interpolation = "vertex" )\n'
+        text = text.replace("int[] faceVertexCounts", paint + "int[] faceVertexCounts")
+    scene = scene_of(text)
+    assert scene.warnings == []
+    x, y = (np.arange(8) + 0.5) / 8, 1 - (np.arange(8) + 0.5) / 8
+    seen = pictures.outputs(scene, scenes.window(1.0, (0.5, 0.5, 5), (0.5, 0.5, 0)), ("albedo",), 8)["albedo"]
+    b, c = np.meshgrid(x, y)
+    inside = b + c < 0.95
+    value = expected((1 - b - c)[..., None] * PAINT[0] + b[..., None] * PAINT[1] + c[..., None] * PAINT[2])
+    if not named:
+        value = np.broadcast_to(expected(np.array([1, 0.5, 0.25])), value.shape)
+    np.testing.assert_allclose(seen[inside], np.clip(value, 0, 1)[inside], atol=1e-5)
+
+
 def test_colour_spaces():
     # ACEScg's primaries and white in linear Rec.709, by the matrix of the ACES project (Bradford).
     aces = np.array([[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]])
@@ -479,6 +514,24 @@ def test_documents_inside_of_instances(folder):
     for k in range(3):
         check_paint(scene, f"/i{k}/mesh")
     assert len({id(placement.shape) for placement in scene.placements.values()}) == 1
+
+
+@pytest.mark.parametrize("levels", [2, 3])
+def test_documents_inside_of_instances_of_instances(folder, levels):
+    inner = folder / "asset.usda"
+    for level in range(1, levels):
+        outer = folder / f"level{level}.usda"
+        copies = "".join(f'def "c{k}" (\ninstanceable = true\nreferences = @{inner}@\n)\n{{\n}}\n' for k in range(2))
+        outer.write_text(f'#usda 1.0\n(\ndefaultPrim = "Set"\n)\ndef Xform "Set"\n{{\n{copies}}}\n')
+        inner = outer
+    scene = scene_of(
+        f'def Xform "i" ( instanceable = true\nreferences = @{inner}@ ) {{ }}'
+        f'def Xform "j" ( instanceable = true\nreferences = @{inner}@ ) {{ }}'
+        f'def Xform "k" ( instanceable = true\nreferences = @{folder}/asset.usda@ ) {{ }}'
+    )
+    assert len(scene.placements) == 2 * 2 ** (levels - 1) + 1
+    for path in scene.placements:
+        check_paint(scene, path)
 
 
 def test_documents_inside_of_packages(folder):

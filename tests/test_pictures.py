@@ -101,8 +101,8 @@ def test_gloss_sees_a_light_as_it_sees_a_glowing_mesh(roughness):
     assert sigma < 0.01 * mesh[..., :3].mean()
 
 
-def test_a_mirror_shows_a_light_whole():
-    # S10: a delta lobe cannot be aimed for; the light it shows is weighed by 1.
+def test_s10_a_mirror_shows_a_light_whole():
+    # a delta lobe cannot be aimed for; the light it shows is weighed by 1.
     scene = wr.Scene()
     floor(scene, material=wr.PreviewSurface(metallic=1.0, diffuseColor=(0.5,) * 3, roughness=0.0))
     scene.add_light(wr.SphereLight(radius=0.5, intensity=3.0), pose=(0, 1.0, -1.0, 0, 0, 0, 1))
@@ -305,7 +305,7 @@ def busy():
     return scene, scenes.camera((0, 2, 5), (0, 0.7, 0))
 
 
-def test_threads_passes_and_repeats_change_no_bit():
+def test_A7_threads_passes_and_repeats_change_no_bit():
     # A7: 64 samples at once, as four times 16, as 64 times one; on one thread or many.
     scene, view = busy()
     renderer = prepare(scene, view, (24, 20), threads=1)
@@ -358,7 +358,7 @@ def test_the_standard_error_is_that_of_repeated_pictures():
     assert abs(np.sqrt((seen**2).mean() / (stated**2).mean()) - 1) < 0.1
 
 
-def test_a_sample_that_is_not_finite_costs_itself_only():
+def test_A2_a_sample_that_is_not_finite_costs_itself_only():
     # A2: a NaN and an infinite light in one pixel's way; every other pixel keeps its bits.
     def render(bad):
         scene, view = busy()

@@ -44,7 +44,7 @@ def pairs(seed=0, samples=64, bounce=0, dimension=0, n=N, sobol=0):
     return out.numpy()
 
 
-def test_no_two_samples_share_a_stream():
+def test_A4_no_two_samples_share_a_stream():
     # A4: wp.rand_init's 32 bits repeat within one 4K frame; a million keys of two seeds must not.
     for streams in ([keys(0), keys(1)], [keys(0, 0, 1 << 16), keys(0, 2**31 - 8, 1 << 16)]):
         assert np.diff(np.sort(np.concatenate(streams))).all()
@@ -136,8 +136,8 @@ def test_directions_of_a_cone_are_even(cone):
     assert chi_square(inner, np.full(inner.shape, 1 / counts.size), N) > 1e-5
 
 
-def test_narrow_cones_keep_their_digits():
-    # L1: 1 - sqrt(1 - s²) has lost them all at s = 1e-4.
+def test_l1_narrow_cones_keep_their_digits():
+    # 1 - sqrt(1 - s²) has lost them all at s = 1e-4.
     sine = 10.0 ** -np.arange(0.5, 9, 0.5)
     sin2 = (sine**2).astype(np.float32)
     exact = sin2.astype(float) / (1 + np.sqrt(1 - sin2.astype(float)))
@@ -183,8 +183,8 @@ def test_filters_are_sampled_by_their_shape(name):
     assert chi_square(counts, density / density.sum(), 1 << 16) > 1e-5
 
 
-def test_frames_are_orthonormal_everywhere():
-    # S8: about -Z too, where Frisvad's has none.
+def test_s8_frames_are_orthonormal_everywhere():
+    # about -Z too, where Frisvad's has none.
     rng = np.random.default_rng(0)
     n = rng.normal(size=(100_000, 3))
     n[:6] = [(0, 0, 1), (0, 0, -1), (0, 0, -1), (1e-9, 0, -1), (0, -1e-9, -1), (1e-5, 1e-5, -1)]

@@ -75,7 +75,15 @@ def test_what_is_varied():
     assert {("sampler", "sobol"), ("sampler", "independent"), ("denoised", "yes")} <= knobs
     assert {v for k, v in knobs if k == "bounces"} == {"0", "1", "2"}
     assert {v for k, v in knobs if k == "transport"} == set(TRANSPORTS) - {"none", "path"}
-    assert not any(s.denoise for s in sweep(plan, 16, denoiser=False))
+    assert {"denoised", "adaptive", "asked error", "together"} <= {k for k, _ in knobs}
+    assert {v for k, v in knobs if k == "together"} >= {"bounces 2, independent", "bounces 2, denoised"}
+    assert not any("denoise" in dict(s.options) for s in sweep(plan, 16, denoiser=False))
+    assert not {"texture filter", "light sampling", "complexity", "visibility"} & {k for k, _ in knobs}
+    reasons = {"texture diffuseColor": "/m", "light rect": "/l"}
+    local = RenderPlan("local", "raster", "raster", None, None, reasons)
+    knobs = {(s.knob, s.value) for s in sweep(local, 16, False, levels=("medium",))}
+    assert {("texture filter", "off"), ("complexity", "medium"), ("visibility", "rays")} <= knobs
+    assert ("visibility", "raster") not in knobs and ("transport", "path") in knobs
 
 
 def test_the_worst_corner_and_the_front():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pxr import UsdUtils
 from usd_stage import scene_of
 
 from warprender.images import write
@@ -15,6 +16,7 @@ from warprender.lights import (
     Shaping,
     SphereLight,
 )
+from warprender.usd import load
 
 
 @pytest.mark.parametrize("kind", [SphereLight, RectLight, DiskLight, CylinderLight, DistantLight, DomeLight])
@@ -230,3 +232,31 @@ def test_instanced_lights_are_lights_of_their_own():
     )
     assert [light.transform[3, 0] for light in scene.lights.values()] == [0, 1]
     assert all(light.radius == 2 for light in scene.lights.values())
+
+
+@pytest.mark.parametrize("name", ["SphereLight.treatAsPoint", "CylinderLight.treatAsLine"])
+def test_inputs_that_never_had_the_prefix_are_not_called_old(name):
+    kind, field = name.split(".")
+    scene = scene_of(f'def {kind} "l" {{ bool {field} = 1 }} def Sphere "ball" {{ }}')
+    assert getattr(scene.lights["/l"], field) is True
+    assert not scene.warnings
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_profiles_are_read_from_packages_too(tmp_path, packed):
+    (tmp_path / "beam.ies").write_text("IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 1 1 2 0 0 0 1 1 10\n0 90\n0\n40 20\n")
+    usda = """#usda 1.0
+def SphereLight "l" ( prepend apiSchemas = ["ShapingAPI"] )
+{
+    asset inputs:shaping:ies:file = @./beam.ies@
+}
+"""
+    stage = tmp_path / "lamp.usda"
+    stage.write_text(usda)
+    if packed:
+        assert UsdUtils.CreateNewUsdzPackage(str(stage), str(tmp_path / "lamp.usdz"))
+        (tmp_path / "beam.ies").unlink()
+        stage = tmp_path / "lamp.usdz"
+    scene = load(str(stage))
+    assert not scene.warnings
+    np.testing.assert_array_equal(scene.lights["/l"].shaping.iesProfile.values, [[40, 20]] * 2)

@@ -20,6 +20,11 @@ SOME_ASSETS = (
 )
 
 
+def test_a_folder_is_named(tmp_path):
+    with pytest.raises(SceneError, match="is a folder, not a USD stage"):
+        load(tmp_path)
+
+
 @pytest.mark.parametrize("text", [None, "this is no stage", "#usda 1.0\n( framesPerSecond = 0 )\n"])
 def test_a_file_that_is_no_stage_is_an_error_that_names_it(tmp_path, text):
     file = tmp_path / "broken.usda"

@@ -6,6 +6,22 @@
     frame = wr.render(scene, resolution=(512, 512), samples=64)
     frame.save("cornell.png")
 
+What there is, by what it is for; `help(warprender.Scene)` and so on say what goes in and comes out:
+
+    stages         load, StageReader (several times of one stage), SceneError (what is wrong, in one line)
+    scenes         Scene: add_mesh, add_sphere, add_sdf, add_instances, add_light, add_camera, set_poses; Camera
+    pictures       render (one), Renderer (many of one scene), Frame (the arrays, `save`), RenderPlan
+    materials      PreviewSurface, DisplayColor, Dielectric, Phong, MeasuredBRDF; Texture and PrimvarReader for inputs
+    lights         Light (what all have), SphereLight, RectLight, DiskLight, CylinderLight, DistantLight, DomeLight,
+                   PortalLight, MeshLight, CameraLight; Shaping, Shadow, IesProfile, LightTexture
+    in a loop      CameraSensor (many views, on the device), LidarSensor, from_newton (a Newton model)
+    measured BRDFs measure_brdf, BrdfTable
+    without scenes RayCaster (rays against one mesh), rasterize, Raster, interpolate
+    test suites    warprender.testing.assert_images_agree
+
+Lengths are scene units, angles degrees, colours linear Rec.709; matrices are for row vectors, poses are position and
+quaternion xyzw; row 0 of a picture is its top row; cameras look and lights emit towards their -Z.
+
 Names are imported when they are first used, so that the command line answers at once.
 """
 
@@ -25,6 +41,7 @@ if TYPE_CHECKING:
         DistantLight,
         DomeLight,
         IesProfile,
+        Light,
         LightTexture,
         MeshLight,
         PortalLight,
@@ -41,6 +58,7 @@ if TYPE_CHECKING:
     from .sensors import CameraSensor, LidarSensor
     from .textures import PrimvarReader, Texture
     from .usd import StageReader, load
+    from .visibility.attributes import interpolate
     from .visibility.raster import Raster, rasterize
     from .visibility.rays import RayCaster
 
@@ -60,6 +78,7 @@ _HOMES = {
     "DomeLight": "lights",
     "Frame": "frame",
     "IesProfile": "lights",
+    "Light": "lights",
     "LidarSensor": "sensors",
     "LightTexture": "lights",
     "MeasuredBRDF": "materials",
@@ -81,6 +100,7 @@ _HOMES = {
     "StageReader": "usd",
     "Texture": "textures",
     "from_newton": "newton",
+    "interpolate": "visibility.attributes",
     "load": "usd",
     "measure_brdf": "gonioreflectometer",
     "rasterize": "visibility.raster",
@@ -101,6 +121,7 @@ __all__ = [
     "Frame",
     "IesProfile",
     "LidarSensor",
+    "Light",
     "LightTexture",
     "MeasuredBRDF",
     "MeshLight",
@@ -121,6 +142,7 @@ __all__ = [
     "StageReader",
     "Texture",
     "from_newton",
+    "interpolate",
     "load",
     "measure_brdf",
     "rasterize",

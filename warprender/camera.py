@@ -67,6 +67,8 @@ class Camera(Watched):
         fStop: focal length over the lens's diameter, sets the depth of field; 0 is a pinhole.
         focusDistance: distance along -Z that is sharp, in scene units; 0 is a pinhole.
         exposureScale: multiplies the picture (`UsdGeomCamera.ComputeLinearExposureScale`).
+        shutterOpen: when the shutter opens (`shutter:open`), in frames from the time of the scene.
+        shutterClose: when it closes (`shutter:close`); what `Scene.motion` moves in between is blurred.
         transform: (4, 4) float64 camera-to-world matrix for row vectors; its scale does not matter.
     """
 
@@ -81,6 +83,8 @@ class Camera(Watched):
     fStop: float = 0.0
     focusDistance: float = 0.0
     exposureScale: float = 1.0
+    shutterOpen: float = 0.0
+    shutterClose: float = 0.0
     transform: np.ndarray = field(default_factory=lambda: np.eye(4))
 
     def effects(self) -> tuple[str, ...]:
@@ -98,6 +102,8 @@ class Camera(Watched):
         for name in ("focalLength", "horizontalAperture", "verticalAperture"):
             if not 0 < getattr(self, name) < np.inf:
                 return f"{name} is {getattr(self, name)}; this camera sees nothing"
+        if not np.isfinite((self.shutterOpen, self.shutterClose)).all():
+            return f"its shutter, open from {self.shutterOpen} to {self.shutterClose}, is not finite"
         if not np.isfinite(offsets).all():
             return f"its aperture offsets {offsets} are not finite"
         if not (near < far) or (self.projection == "perspective" and near <= 0):

@@ -191,7 +191,7 @@ class Film:
         squared mean is too small on average, because pixels that missed bright samples have both too low: the
         jackknife over the replicates takes that bias off to first order (Quenouille 1956).
         """
-        sums, count = self._replicates()
+        sums, count = self.replicate_sums()
         if (count < 1).any():
             return np.inf
         mean = sums.sum(-1) / count.sum(-1)
@@ -214,7 +214,7 @@ class Film:
         The same as `relative_error` for a picture of one brightness. Elsewhere bright pixels count for more, and
         single pixels that are nearly black for nothing: it is the steadier figure.
         """
-        sums, count = self._replicates()
+        sums, count = self.replicate_sums()
         if (count < 1).any():
             return np.inf
         mean = sums.sum(-1) / count.sum(-1)
@@ -226,7 +226,7 @@ class Film:
         # The square of a noisy mean is too large by its variance; half of it is left where there is little else.
         return float(np.sqrt(variance / max(squares.sum() - variance, squares.sum() / 2)))
 
-    def _replicates(self) -> tuple[np.ndarray, np.ndarray]:
+    def replicate_sums(self) -> tuple[np.ndarray, np.ndarray]:
         """Sums of luminance and samples of each replicate, (H, W, 4) float64."""
         n = self.record.samples.numpy().astype(np.float64)[..., None]
         count = np.floor((n + REPLICATES - 1 - np.arange(REPLICATES)) / REPLICATES)

@@ -45,12 +45,12 @@ def check_destination(path: str | Path) -> None:
     """Raise ValueError, naming `path`, where it cannot become an image: to be asked before rendering."""
     path = Path(path)
     known = DISPLAY_FORMATS + LAYERED_FORMATS + LINEAR_FORMATS
+    if path.is_dir():
+        raise ValueError(f"{path}: is a folder")
     if path.suffix.lower() not in known:
         raise ValueError(f"{path}: unknown image extension {path.suffix!r}; known are {' '.join(known)}")
     if not path.parent.is_dir():
         raise ValueError(f"{path}: the folder {path.parent} does not exist")
-    if path.is_dir():
-        raise ValueError(f"{path}: is a folder")
 
 
 def kept(path: str | Path, outputs: Iterable[str]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -38,7 +38,7 @@ class Tangents:
         return corner_tangents(mesh, points, moved)
 
 
-Slot = str | Tangents
+Slot = str | Tangents | PrimvarReader
 
 
 class MaterialTables:
@@ -182,7 +182,7 @@ class MaterialTables:
             if isinstance(source.st, PrimvarReader):
                 coordinates = source.st.varname
         elif isinstance(source, PrimvarReader):
-            row["primvar"], row["absent"] = self.slot(source.varname), _four(source.fallback)
+            row["primvar"], row["absent"] = self.slot(_content(source)), _four(source.fallback)
         else:
             row["absent"] = _four(source)
         if number == NORMAL:
@@ -205,7 +205,7 @@ class MaterialTables:
         row["scale"], row["bias"] = _four(texture.scale), _four(texture.bias)
         row["linear"], row["offset"] = texture.transform[:, :2], texture.transform[:, 2]
         if isinstance(texture.st, PrimvarReader):
-            row["primvar"], row["absent"] = self.slot(texture.st.varname), _four(texture.st.fallback)
+            row["primvar"], row["absent"] = self.slot(_content(texture.st)), _four(texture.st.fallback)
         else:
             row["absent"] = _four(texture.st)
 
@@ -224,6 +224,11 @@ def _rows(rows: list, dtype: type, device: str) -> wp.array:
     """Records of tuples in the order of their fields."""
     rows = np.array(rows, dtype.numpy_dtype())
     return wp.array(rows, dtype=dtype, device=device) if len(rows) else wp.empty(0, dtype, device=device)
+
+
+def _content(reader: PrimvarReader) -> Slot:
+    """What a reader needs of a shape: a primvar, or the one that its matrix makes of it."""
+    return replace(reader, fallback=()) if reader.matrix else reader.varname
 
 
 def _picture_key(file: object, texture: Texture) -> tuple:

@@ -97,6 +97,9 @@ class Request:
     sampler: str = "sobol"
     texture_bytes: int = 0
     denoise: bool = False
+    light_sampling: str = "tree"
+    filter_textures: bool = True
+    adaptive: bool = False
 
 
 @dataclass
@@ -109,6 +112,8 @@ class RenderPlan:
         color_visibility: the same of colour.
         path: key of the transport's kernel, None when no colour is asked for.
         outputs: key of the AOV kernel, None when no AOV is asked for.
+        shutter: from when to when samples of colour are taken, in frames from the scene's time; None for motionless
+            ones.
         reasons: effect to the prim or flag that called for it.
         absent: effect to what would call for it.
         bounds: name to number: `bounces` followed, and `albedo` and `unfollowed` that it comes from.
@@ -122,6 +127,7 @@ class RenderPlan:
     reasons: dict[str, str] = field(default_factory=dict)
     absent: dict[str, str] = field(default_factory=dict)
     bounds: dict[str, float] = field(default_factory=dict)
+    shutter: tuple[float, float] | None = None
 
     def explain(self) -> str:
         """A few lines for people: what runs, why, and what would call for the rest."""
@@ -205,6 +211,8 @@ def analyse(
     _note(plan, "lens", "fStop and focusDistance of the camera" if "lens" in effects else "", "fStop above 0")
     planes = "clippingPlanes of the camera" if "clippingPlanes" in effects else ""
     _note(plan, "clipping planes", planes, "clippingPlanes of the camera")
+    plan.shutter, moves = _shutter(scene, camera, request)
+    _note(plan, "motion blur", moves, "something that moves from shutter:open to shutter:close of the camera")
     sdfs = distance_functions(scene)
     guides = GUIDES if request.denoise else ()
     _note(plan, "denoising", "asked for" if guides else "", "--denoise")
@@ -246,6 +254,17 @@ def _transport(scene: Scene, request: Request, lights: dict[str, Light]) -> tupl
     return "path", "surfaces reflect light to each other"
 
 
+def _shutter(scene: Scene, camera: Camera, request: Request) -> tuple[tuple[float, float] | None, str]:
+    """From when to when the shutter is open, and what moves meanwhile; None and "" where nothing is blurred."""
+    shutter = camera.shutterOpen, camera.shutterClose
+    off = scene.settings.disableMotionBlur or not of_samples(request.outputs)
+    if scene.motion is None or off or not shutter[0] < shutter[1]:
+        return None, ""
+    moving = getattr(scene.motion, "moving", None)
+    moves = "scene.motion" if moving is None else moving(*shutter)
+    return (shutter, f"{moves}, while the shutter is open") if moves else (None, "")
+
+
 def _color_visibility(
     scene: Scene, camera: Camera, request: Request, pixels: int, transport: str, passing: str
 ) -> tuple[str, str]:
@@ -255,6 +274,7 @@ def _color_visibility(
         (f"{passing} lets paths straight through", passing and transport == "path"),
         ("paths are made of rays", transport == "path" and request.visibility == "auto"),
         ("the camera has clippingPlanes", "clippingPlanes" in camera.effects()),
+        ("pixels get samples of their own number", request.adaptive),
         (f"{_sdf(scene)} is a signed distance function", request.visibility == "auto" and _sdf(scene)),
     ):
         if applies:

@@ -25,6 +25,7 @@ def make_receipt(
     samples: int,
     seed: int,
     device: str,
+    camera_path: str = "",
 ) -> dict:
     """Plain values, ready for JSON. Bits are promised per machine, so the machine is named."""
     return {
@@ -38,6 +39,7 @@ def make_receipt(
         "seed": seed,
         "request": asdict(request),
         "camera": {**asdict(camera), "transform": camera.transform.tolist()},
+        "cameraPath": camera_path,
         "plan": plan.as_dict(),
         "device": device,
         "machine": platform.machine(),

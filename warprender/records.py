@@ -14,6 +14,8 @@ MESH, SPHERE = 0, 1
 
 #: `Instance.placed` of what is hidden or has no usable transform; its `to_object` is zero, which no ray enters.
 NOT_DRAWN = 2
+#: `Instance.placed` where `to_object` moves points and no more.
+MOVED = 3
 
 #: Number of inputs that a material row has room for.
 MATERIAL_INPUTS = 16
@@ -159,7 +161,7 @@ class Instance:
     to_object: mat34
     to_world: mat34
     geometry: wp.int32
-    placed: wp.int32  # 0 where to_object is the identity, NOT_DRAWN where nothing is there to see
+    placed: wp.int32  # 0 where to_object is the identity, MOVED, NOT_DRAWN, or 1 for anything else
 
 
 @wp.struct
@@ -426,11 +428,16 @@ class InstanceRecord:
     light: wp.int32
 
 
+#: `DeviceScene.light_sampling`: lights are chosen by power alone; or are not aimed at where a path may meet them.
+BY_POWER, BY_CHANCE = wp.constant(wp.int32(1)), wp.constant(wp.int32(2))
+
+
 @wp.struct
 class DeviceScene:
     """Everything that a kernel reads of a scene. `primvars` has `primvar_count` entries a geometry.
 
     `local_reflection` is 1 where lights are added up one by one and rough lobes reflect nothing else.
+    `light_sampling` is how paths aim at lights: 0, or `BY_POWER` or `BY_CHANCE`.
 
     `eye` is the camera's place, where the camera light is.
 
@@ -456,6 +463,7 @@ class DeviceScene:
     eye: wp.vec3
     energy_compensation: wp.int32
     local_reflection: wp.int32
+    light_sampling: wp.int32
     inputs: wp.array(dtype=InputRecord)
     pictures: wp.array(dtype=PictureRecord)
     levels: wp.array(dtype=LevelRecord)

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
+from .adaptive import PILOT, Allocation
 from .attaching import posed_transforms
 from .camera import Camera
 from .denoise import GUIDES, MISSING, available, denoised
@@ -27,6 +28,7 @@ from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, term_of, term
 from .plan import LIGHT_BY_LIGHT, OutputsKey, PathKey, RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError, pose_matrix
+from .shutter import shutter_share
 from .texels import TEXTURE_BYTES
 from .visibility.first_hits import RasterHits, RayHits
 
@@ -35,6 +37,8 @@ DEFAULT_SAMPLES = 64
 #: The frame's error is trusted from this many samples a pixel on.
 FEWEST_FOR_ERROR = 16
 SAMPLERS = ("sobol", "independent")
+#: In the order of `DeviceScene.light_sampling`.
+LIGHT_SAMPLINGS = ("tree", "power", "none")
 #: A pass is short enough to report progress and to stop in time.
 _PASS_SECONDS = 0.25
 #: Samples between two looks at the error: it falls by 5 % at most meanwhile, and looking takes time too.
@@ -73,11 +77,18 @@ class Renderer:
         lights_visible: whether the camera sees all lights, domes among them.
         filter: reconstruction filter: "box" (one pixel wide), "triangle" (2) or "gaussian" (3).
         sampler: "sobol" (scrambled points, well spread over a pixel's samples) or "independent" numbers.
-        energy_compensation: give back what specular lobes lose between their facets; UsdPreviewSurface does not.
+        energy_compensation: give back what reflecting lobes lose between their facets; UsdPreviewSurface does not.
+            Rough glass (`Dielectric`) loses it still.
         texture_bytes: most memory for pictures, 2 GiB unless asked otherwise; beyond it the largest are halved, with
             a warning. `frame.stats["texture bytes"]` is what they take.
         denoise: let Open Image Denoise go over color, guided by albedo and normal. Needs the package pyoidn. The
             picture is biased then, and the stated error is that of the picture before.
+        light_sampling: how paths aim at one of many lights: "tree" (by what may arrive), "power" (wherever they are),
+            or "none": paths meet lights by chance, and only those that nothing can meet are aimed at. The same
+            picture but for its noise: a figure for studies.
+        filter_textures: average texture look-ups over a quarter of the pixel's width; without it they take the
+            finest level at one point, and aliasing is left to the samples.
+        adaptive: give more samples to pixels among noisy ones, fewer to those among quiet ones; see `adaptive`.
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
@@ -109,6 +120,9 @@ class Renderer:
         energy_compensation: bool = False,
         texture_bytes: int = TEXTURE_BYTES,
         denoise: bool = False,
+        light_sampling: str = "tree",
+        filter_textures: bool = True,
+        adaptive: bool = False,
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -134,11 +148,16 @@ class Renderer:
             sampler,
             texture_bytes,
             denoise,
+            light_sampling,
+            filter_textures,
+            adaptive,
         )
         if denoise and not available():
             raise SceneError(MISSING)
         if sampler not in SAMPLERS:
             raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
+        if light_sampling not in LIGHT_SAMPLINGS:
+            raise SceneError(f"light sampling {light_sampling!r} is not one of {', '.join(LIGHT_SAMPLINGS)}")
         self._with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = self._analyse()
         self._live = LiveScene(
@@ -207,12 +226,7 @@ class Renderer:
             SceneError: the points of a mesh were replaced by another array, or the camera can take no picture.
         """
         start = time.perf_counter()
-        effects = self.camera.effects()
-        self._see_camera()
-        if self._live.look_again() or effects != self.camera.effects():
-            self.plan = self._analyse().kept_from(self.plan, self.camera)
-        self._live.update(self.camera.transform, self.plan.sdfs)
-        self._look()
+        self._follow()
         self._seconds["update"] = time.perf_counter() - start
 
     def set_camera(self, camera: Camera | str | np.ndarray | Sequence) -> None:
@@ -239,6 +253,21 @@ class Renderer:
         pixels = self.resolution[0] * self.resolution[1]
         return analyse(self.scene, self.camera, self.request, self._with_camera_light, pixels)
 
+    def _follow(self) -> None:
+        """See what has changed: camera, scene, and the plan where effects may have come or gone."""
+        seen = self.camera.effects(), self.camera.shutterOpen, self.camera.shutterClose
+        self._see_camera()
+        now = self.camera.effects(), self.camera.shutterOpen, self.camera.shutterClose
+        if self._live.look_again() or seen != now:
+            self.plan = self._analyse().kept_from(self.plan, self.camera)
+        self._live.update(self.camera.transform, self.plan.sdfs)
+        self._look()
+
+    def _go_to(self, time: float) -> None:
+        """Bring the scene to a time in frames from its own."""
+        self.scene.motion(time)
+        self._follow()
+
     def _choose(self, camera: Camera | str | None) -> None:
         """Take a camera, or remember the path of one in the scene, which poses may move."""
         if isinstance(camera, Camera):
@@ -260,6 +289,8 @@ class Renderer:
             if path not in self.scene.cameras:
                 raise SceneError(f"{path}: the camera is no longer in the scene")
             camera = camera_at(self.scene, path)
+        elif path:
+            camera = self.scene.cameras.get(path, camera)
         moved = posed_transforms(self.scene, {path: camera.transform}) if path else {}
         if moved:
             camera = replace(camera, transform=moved[path])
@@ -281,6 +312,7 @@ class Renderer:
         upload.record.eye = self._camera_record.position
         upload.record.energy_compensation = int(self.request.energy_compensation)
         upload.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
+        upload.record.light_sampling = LIGHT_SAMPLINGS.index(self.request.light_sampling)
         plan = self.plan
         self._first_hits = self._color_hits = None
         if plan.outputs is not None:
@@ -332,20 +364,34 @@ class Renderer:
     ) -> tuple[float, bool]:
         """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
         self._films.turn()
-        request = self._path_request(seed)
+        request, shutter = self._path_request(seed), self.plan.shutter
         limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
         pixels = self.resolution[0] * self.resolution[1]
         if seconds is not None:
             # Compiling and loading come before the clock starts.
             self._pass(request, 0, 0)
+        take = self._pass if shutter is None else partial(self._blurred_pass, shutter)
+        # All pixels see one time together: none gets samples of its own number then.
+        adaptive = self.request.adaptive and shutter is None
+        if adaptive != self.request.adaptive:
+            self.scene.warn(
+                "adaptive: every pixel gets the same samples, because things move while the shutter is open"
+            )
         taken, batch, start, next_check = 0, 1, time.perf_counter(), FEWEST_FOR_ERROR
+        allocation = None
         try:
             while taken < limit:
                 begin = time.perf_counter()
                 # Below 1: one more sample for a part of the pixels.
                 batch = min(batch, limit - taken)
-                batch = int(batch) if batch >= 1 else batch
-                self._pass(request, int(taken), max(int(batch), 1), round(pixels * min(batch, 1)))
+                if adaptive and taken == PILOT:
+                    allocation = Allocation(self._films.last)
+                if allocation is not None:
+                    self._adaptive_pass(request, allocation, taken, batch)
+                else:
+                    batch = min(batch, PILOT - taken) if adaptive else batch
+                    batch = int(batch) if batch >= 1 else batch
+                    take(request, int(taken), max(int(batch), 1), round(pixels * min(batch, 1)))
                 taken += batch
                 now = time.perf_counter()
                 elapsed, per_sample = now - start, (now - begin) / batch
@@ -364,6 +410,9 @@ class Renderer:
                     progress(share, lambda n=taken: self._frame(values, n, seed, True, settled=True))
         except KeyboardInterrupt:
             return taken, True
+        finally:
+            if shutter is not None:
+                self._go_to(0.0)
         return taken, False
 
     def _path_request(self, seed: int) -> PathRequest:
@@ -371,6 +420,7 @@ class Renderer:
         request.seed = seed & 0xFFFFFFFF
         request.sobol = int(self._sobol)
         request.bounces = int(self.plan.bounds["bounces"])
+        request.unfiltered = int(not self.request.filter_textures)
         request.terms = self._films.last.terms
         request.visible.lights = int(self.request.lights_visible)
         request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
@@ -386,6 +436,22 @@ class Renderer:
             offset = pixel_offset(self._filter_table, request.seed, sample)
             request.hits, request.offset = self._color_hits.find(self.threads, offset), wp.vec2(*offset)
             self._launch(request, sample, min(samples, 1), pixels)
+
+    def _adaptive_pass(self, request: PathRequest, allocation: Allocation, taken: float, more: float) -> None:
+        """Add `more` samples a pixel on average, where the allocation wants them."""
+        counts = allocation.samples(taken + more) - allocation.samples(taken)
+        request.counts, request.adaptive = wp.array(counts, dtype=wp.int32, device=self.device), 1
+        self._launch(request, 0, 0, None)
+
+    def _blurred_pass(
+        self, shutter: tuple[float, float], request: PathRequest, first_sample: int, samples: int, pixels: int
+    ) -> None:
+        """As `_pass`, each sample of all pixels at a time of its own while the shutter is open."""
+        opens, closes = shutter
+        for sample in range(first_sample, first_sample + samples):
+            self._go_to(opens + (closes - opens) * shutter_share(request.seed, sample))
+            request.bounces = int(self.plan.bounds["bounces"])
+            self._pass(request, sample, 1, pixels)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
         request.first_sample, request.samples = first_sample, samples
@@ -424,7 +490,8 @@ class Renderer:
         stats["plan"] = plan.as_dict
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
-        facts = self.scene, plan, self.request, camera, self.data_window.full, samples, seed, self.device
+        shot = samples, seed, self.device, self._camera_path
+        facts = self.scene, plan, self.request, camera, self.data_window.full, *shot
         settled_stats = stats.settle() if settled else stats
         return Frame(ordered, settled_stats, partial(make_receipt, *facts), self.data_window)
 
@@ -437,6 +504,9 @@ def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int
         resolution: (width, height) in pixels; None takes the render settings', or 960 by the camera's aspect.
         samples: a pixel; 64 when neither `samples`, `error` nor `seconds` is given.
         **options: any other argument of `Renderer` or of `Renderer.render`.
+
+    Returns:
+        The `Frame`: `frame.color` and so on are `wp.array`s, `frame.save(path)` writes a file.
 
     Raises:
         SceneError: the request cannot be met; the message names the prim or the argument.

@@ -7,7 +7,7 @@ methods build one in Python.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -73,7 +73,7 @@ class PictureSettings:
         aspectRatioConformPolicy: one of `warprender.camera.CONFORM_POLICIES`.
         dataWindowNDC: left, bottom, right, top of what is drawn, as parts of the picture from its lower left
             corner; beyond 0 and 1 more than the picture is drawn (overscan).
-        disableMotionBlur: nothing here blurs by motion yet, with it or without.
+        disableMotionBlur: the shutter is taken as open for no time (`instantaneousShutter` too).
         disableDepthOfField: cameras of the stage are taken as pinholes.
     """
 
@@ -137,6 +137,11 @@ class Scene:
             themselves but have drawn ones below them.
         bodies: what `set_poses` has moved.
         live: what sensors have uploaded of the scene, by device.
+        motion: brings the scene to a time in frames from its own, with 0 back to where it was: moves prims by
+            `set_poses`, writes points, assigns transforms, lights, cameras. Called between samples of a camera whose
+            shutter is open for a time. `load` provides it; for a scene built in Python any function of a float will
+            do, so long as the time alone decides what it does. Its method `moving(opens, closes)`, if it has one,
+            names what moves between two times, "" where nothing does.
     """
 
     placements: dict[str, Placement] = field(default_factory=dict)
@@ -154,6 +159,7 @@ class Scene:
     frames: dict[str, np.ndarray] = field(default_factory=dict)
     bodies: Bodies = field(default_factory=Bodies)
     live: dict[object, object] = field(default_factory=dict, init=False, repr=False, compare=False)
+    motion: Callable[[float], None] | None = None
 
     def warn(self, message: str) -> None:
         """Keep a one-line warning, once."""

@@ -31,11 +31,14 @@ class PrimvarReader:
 
     Attributes:
         varname: name of the primvar, without "primvars:".
-        fallback: 1 to 4 numbers that stand for it where the shape has no such primvar.
+        fallback: 1 to 4 numbers that stand for it, `matrix` included, where the shape has no such primvar.
+        matrix: a row for each number that is read: weights of the primvar's components and an offset. Empty, they are
+            read as they are.
     """
 
     varname: str
     fallback: tuple[float, ...] = (0.0,)
+    matrix: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(eq=False)

@@ -12,6 +12,7 @@ from .records import GeometryRecord, PrimvarRecord, SdfRecord
 from .scene import Placement, SceneError
 from .shapes import SHAPES, Mesh, Sdf, Sphere
 from .shapes.primvar import INTERPOLATIONS, absent_primvar
+from .textures import PrimvarReader
 from .visibility.trees import MeshTree, SdfShape, SphereShape
 from .watched import contents, same
 
@@ -100,9 +101,12 @@ class ShapeUpload:
     def _primvar(self, shape: Mesh | Sphere | Sdf, keep: np.ndarray, slot: Slot) -> PrimvarRecord:
         """What a shape has in a slot; `keep` (T,) bool are the triangles of a mesh that are drawn."""
         if not isinstance(slot, Tangents):
-            primvar = shape.primvars.get(slot)
+            computed = isinstance(slot, PrimvarReader)
+            primvar = shape.primvars.get(slot.varname if computed else slot)
             if primvar is None:
                 return absent_primvar()
+            if computed:
+                primvar = primvar.mapped(slot.matrix)
             corners = shape.corners[keep] if isinstance(shape, Mesh) else np.zeros((0, 3), np.int32)
             return primvar.upload(corners, self.device)
         found = slot.of(shape, shape.host_points()) if isinstance(shape, Mesh) else None

@@ -146,14 +146,14 @@ BOX = """def Mesh "box" { int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
 INSIDE = 'def Camera "eye" { float2 clippingRange = (0.001, 100)\n float horizontalAperture = 60 }\n'
 
 
-def test_inside_a_closed_mesh():
+def test_C8_inside_a_closed_mesh():
     """C8: back faces are seen, and lit by the camera's light."""
     color = Renderer(scene_of(BOX + INSIDE), "/eye", (16, 16)).render(samples=4).numpy("color")
     assert (color[..., 3] == 1).all() and (color[..., :3] > 0).all()
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_a_face_on_the_near_plane_is_seen_by_all_pixels_or_none(projection):
+def test_C8_a_face_on_the_near_plane_is_seen_by_all_pixels_or_none(projection):
     """C8: t = 0 may count or not, but for the whole picture alike."""
     camera = f"""def Camera "eye" {{ token projection = "{projection}"
         float2 clippingRange = (1, 10)
@@ -162,7 +162,7 @@ def test_a_face_on_the_near_plane_is_seen_by_all_pixels_or_none(projection):
     assert len(np.unique(picture(scene_of(LEANING + camera), "primId", size=64))) == 1
 
 
-def test_inside_a_light():
+def test_C8_inside_a_light():
     """C8: a light is no obstacle, emits outwards only, and leaves no NaN where the camera stands in it."""
     light = 'def SphereLight "l" { float inputs:radius = 0.2\n float inputs:intensity = 5 }'
     frame = Renderer(scene_of(BOX + INSIDE + light), "/eye", (16, 16)).render(samples=4)
@@ -171,7 +171,7 @@ def test_inside_a_light():
     assert (color[..., 3] == 1).all() and color[..., 0].mean() > 0
 
 
-def test_inside_glass():
+def test_C8_inside_glass():
     """C8: the camera starts in the glass of a sphere and sees the dome through its surface."""
     glass = """def Sphere "s" ( apiSchemas = ["MaterialBindingAPI"] ) { rel material:binding = </m> }
         def Material "m" { token outputs:surface.connect = </m/p.outputs:surface>
@@ -214,7 +214,7 @@ def test_far_from_the_origin_the_picture_is_the_same(distance):
     np.testing.assert_allclose(here["color"], there["color"], atol=1 / 255)
 
 
-def test_a_chain_of_twenty_turns_and_steps_composes_in_float64():
+def test_C4_a_chain_of_twenty_turns_and_steps_composes_in_float64():
     """C4: the catalogue has 2.5e-5 for a chain in float32."""
     text, expected = 'def Sphere "s" { }', np.eye(4)
     for i in range(20):
@@ -235,7 +235,7 @@ def test_a_chain_of_twenty_turns_and_steps_composes_in_float64():
     np.testing.assert_allclose(linear @ linear.T, np.eye(3), atol=1e-14)
 
 
-def test_a_turn_that_drifted_is_made_one_again():
+def test_C9_a_turn_that_drifted_is_made_one_again():
     """C9: 1e5 products in float32; the camera's axes are of unit length and at right angles all the same."""
     angle = np.float32(1e-3)
     step = np.array([(1, angle, 0), (-angle, 1, angle), (0, -angle, 1)], np.float32)

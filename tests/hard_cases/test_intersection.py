@@ -808,7 +808,7 @@ def test_scalar_form_agrees(shape):
             assert (occluded == occluded_b).all()
 
 
-def test_refit_equals_build():
+def test_I21_refit_equals_build():
     points, faces = placed("icosphere")
     caster = RayCaster(points.copy(), faces)
     moved = (points * np.float32([1, 2, 0.5]) + np.float32([0.1, 0, 0])).astype(np.float32)
@@ -828,7 +828,7 @@ def test_refit_uses_warp_arrays_in_place():
     assert closest(caster, np.float32([0.1, 0, 9]), np.float32([0, 0, -1])).t[0] == 6.0
 
 
-def test_threads_change_nothing():
+def test_I21_threads_change_nothing():
     points, faces = placed("needles")
     rays = aimed_rays(points, faces, RAYS, "edges", np.random.default_rng(20))
     one, two = (closest(RayCaster(points, faces, threads=n), *rays) for n in (1, 2))

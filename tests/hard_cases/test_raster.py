@@ -273,6 +273,25 @@ def test_r9_threads_change_no_bit():
         np.testing.assert_array_equal(a.numpy(), b.numpy())
 
 
+def test_r9_company_changes_no_bit():
+    """Small triangles drawn among few and among many: a full chunk must not draw them by other arithmetic."""
+    count, width, height = 100_000, 16384, 32
+    random = np.random.default_rng(3)
+    size = np.where(np.arange(count) % 2, 0.2, 1.0)[:, None, None]
+    corners = np.array([[0, 0], [3.8, 0.2], [0.3, 5.7]]) * size * 2 / (width, height)
+    points = random.uniform(-0.99, 0.99, (count, 1, 2)) + corners
+    w, z = random.uniform(0.5, 2, (count, 3, 1)), random.uniform(-0.9, 0.9, (count, 3, 1))
+    clip = np.concatenate([points * w, z * w, w], 2).reshape(-1, 4).astype(np.float32)
+    triangles = np.arange(3 * count).reshape(-1, 3)
+    mixed = wr.rasterize(clip, triangles, width, height)
+    large_first = np.concatenate([np.arange(0, count, 2), np.arange(1, count, 2)])
+    sorted_by_size = wr.rasterize(clip, triangles[large_first], width, height)
+    face = sorted_by_size.face.numpy()
+    np.testing.assert_array_equal(np.where(face >= 0, large_first[face], -1), mixed.face.numpy())
+    for a, b in zip(sorted_by_size[1:], mixed[1:], strict=True):
+        np.testing.assert_array_equal(a.numpy(), b.numpy())
+
+
 @pytest.mark.parametrize("nearer_first", [True, False])
 def test_r10_depth_resolution(nearer_first):
     """A millimetre at a kilometre, near 0.1 and far 1e6, through the renderer."""

@@ -147,7 +147,22 @@ def textured(picture_of):
     return scene
 
 
-@pytest.mark.parametrize("size", [(1, 1), (1, 4096), (4096, 1)])
+@pytest.mark.parametrize("kind", ["distant", "small sphere"])
+def test_s10_a_mirror_reflects_no_light_that_only_aiming_finds(kind):
+    mirror = wr.PreviewSurface(diffuseColor=(1, 1, 1), metallic=1.0, roughness=0.0)
+    points = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
+    scene = wr.Scene()
+    scene.add_mesh("/wall", points, [[0, 1, 2, 3]], mirror)
+    towards_lamp = np.eye(4)
+    towards_lamp[3, :3] = 0.3, 0.2, 2.5
+    light = wr.DistantLight(angle=0.0) if kind == "distant" else wr.SphereLight(radius=1e-7, intensity=1e12)
+    scene.add_light(light, pose=towards_lamp)
+    color, error = picture(scene, scenes.camera((0, 0, 3), fov=20), 8, 16)
+    assert np.isfinite(color).all() and np.isfinite(error).all()
+    assert color[..., :3].max() == 0
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 16384), (16384, 1)])
 def test_u8_pictures_of_one_texel_or_row(size):
     pixels = np.full((*size, 3), (0.25, 0.5, 1.0), np.float32)
     color, _ = picture(textured(pixels), scenes.camera((0, 0, 3), fov=20), 4, 4)

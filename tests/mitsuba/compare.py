@@ -304,9 +304,6 @@ def sensor(camera: wr.Camera, size: int) -> dict:
     }
 
 
-SCENES = {"cornell": cornell, "lights": lights, "dome": dome, "glass": glass, "rough": rough}
-
-
 def main() -> None:
     """Render twice, compare, print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import NoReturn
 
 from .. import __version__
-from . import check, compare, measure, plan, render, reproduce, study
+from . import check, compare, measure, plan, render, reproduce, study, warm
 from .report import error, interrupted
 
 #: The commands, in the order of the help. Adding one is one file and one entry.
-COMMANDS = (render, plan, check, compare, reproduce, study, measure)
+COMMANDS = (render, plan, warm, check, compare, reproduce, study, measure)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -44,7 +45,15 @@ class Parser(argparse.ArgumentParser):
         found, rest = super().parse_known_args(args, namespace)
         if getattr(found, "output", "") is None and rest and not rest[0].startswith("-"):
             found.output = rest.pop(0)
+        if rest and self._subparsers is None:
+            self.error(f"unrecognized arguments: {' '.join(rest)}{self._alike(rest[0])}")
         return found, rest
+
+    def _alike(self, flag: str) -> str:
+        """A hint at the flag that may be meant."""
+        flags = {known.lower(): known for known in self._option_string_actions}
+        found = get_close_matches(flag.split("=")[0].lower(), flags, 1, 0.75) if flag.startswith("--") else []
+        return f" (is {flags[found[0]]} meant?)" if found else ""
 
     def error(self, message: str) -> NoReturn:
         """Leave with code 2, without the page of usage that would push the message out of sight."""

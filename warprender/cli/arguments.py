@@ -6,7 +6,7 @@ import argparse
 
 from .framespec import FrameSpec, parse_frames
 
-_COMPLEXITIES = ("low", "medium", "high", "veryhigh")
+COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 
 
 def add_picture_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +57,7 @@ def add_stage_arguments(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--complexity",
         "-c",
-        choices=_COMPLEXITIES,
+        choices=COMPLEXITIES,
         default="low",
         help="refinement of subdivision surfaces (default: low)",
     )
@@ -176,12 +176,27 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--energyCompensation",
         action="store_true",
-        help="give back the light that rough specular lobes lose, which UsdPreviewSurface does not",
+        help="give back the light that rough reflecting lobes lose, which UsdPreviewSurface does not (nor glass)",
     )
     group.add_argument(
         "--denoise",
         action="store_true",
         help="let Open Image Denoise go over color: less noise, some bias; needs the package pyoidn",
+    )
+    group.add_argument(
+        "--adaptive",
+        action="store_true",
+        help="more samples among noisy pixels, fewer among quiet ones; the picture stays unbiased",
+    )
+    group.add_argument(
+        "--lightSampling",
+        default="tree",
+        metavar="NAME",
+        help="how paths aim at lights: tree, power, or none where chance may meet them; changes noise and time alone "
+        "(default: tree)",
+    )
+    group.add_argument(
+        "--disableTextureFilter", action="store_true", help="look textures up at one point, at their finest level"
     )
     group.add_argument(
         "--seed", type=count, default=0, metavar="NUMBER", help="another gives an independent picture (default: 0)"

@@ -46,7 +46,7 @@ def steps_bar(title: str) -> Iterator[Callable[[float, str], None]]:
     )
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         # Until the first pass is through, loading and compiling give no share to count.
-        task = bar.add_task(title, total=None)
+        task = bar.add_task(f"{title}: reading, compiling kernels that are new", total=None)
 
         def show(done: float, words: str) -> None:
             bar.update(task, total=1.0, completed=done, description=words)

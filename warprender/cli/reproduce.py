@@ -108,8 +108,12 @@ def _render(args: argparse.Namespace, receipt: dict, stage: str) -> Frame:
                 break
         camera = Camera(**{**receipt["camera"], "transform": np.array(receipt["camera"]["transform"])})
         camera.clippingPlanes = tuple(map(tuple, camera.clippingPlanes))
-        size = tuple(receipt["resolution"])
-        renderer = Renderer(scene, camera, size, device=device, threads=args.threads, **receipt["request"])
+        size, path = tuple(receipt["resolution"]), receipt.get("cameraPath")
+        # A camera that moves while its shutter is open is the stage's own.
+        moving = camera.shutterOpen < camera.shutterClose and path in scene.cameras
+        renderer = Renderer(
+            scene, path if moving else camera, size, device=device, threads=args.threads, **receipt["request"]
+        )
     except TypeError as unknown:
         raise ValueError(f"{args.picture}: its receipt is of another version: {unknown}") from None
     with progress_bar(args.picture) as progress:

@@ -58,12 +58,14 @@ def build_renderer(args: argparse.Namespace, scene: Scene, shown: tuple[str, ...
         ValueError: an output, transport, device or filter that does not exist.
     """
     from .. import Camera, Renderer
-    from ..framing import choose_camera, choose_resolution
+    from ..framing import choose_camera, choose_camera_path, choose_resolution
 
-    camera = args.camera if isinstance(args.camera, Camera) else choose_camera(scene, args.camera)
+    given = isinstance(args.camera, Camera)
+    camera = args.camera if given else choose_camera(scene, args.camera)
     return Renderer(
         scene,
-        camera=camera,
+        # By its path, where it has one: it may move while its shutter is open.
+        camera=camera if given else choose_camera_path(scene, args.camera) or camera,
         resolution=args.resolution or choose_resolution(scene, camera, args.imageWidth),
         outputs=shown or outputs(args),
         visibility=args.visibility,
@@ -78,6 +80,9 @@ def build_renderer(args: argparse.Namespace, scene: Scene, shown: tuple[str, ...
         sampler=args.sampler,
         energy_compensation=args.energyCompensation,
         denoise=args.denoise,
+        light_sampling=args.lightSampling,
+        filter_textures=not args.disableTextureFilter,
+        adaptive=args.adaptive,
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from .arguments import add_picture_arguments, positive_float, positive_int
+from .arguments import COMPLEXITIES, add_picture_arguments, positive_float, positive_int
 from .progress import steps_bar
 from .report import interrupted
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 #: Width in pixels where no flag asks for a size.
 _WIDTH = 128
 _SAMPLES = 256
+#: Arguments of `Renderer` to flags, where they have other names.
+_FLAGS = {"light_sampling": "lightSampling"}
 _PICTURES = 4
 
 
@@ -81,11 +83,13 @@ def run(args: argparse.Namespace) -> int:
     warnings.show(scene.warnings)
 
     def build(**changed: object) -> Renderer:
-        return _renderer(args, scene, changed)
+        level = changed.pop("complexity", None)
+        seen = scene if level is None else _at_level(args, level)
+        return _renderer(args, seen, changed)
 
     plan = build().plan
     most = args.samples or _SAMPLES
-    settings = sweep(plan, most, available())
+    settings = sweep(plan, most, available(), _levels(args, scene))
     study = Study(args.folder, build, _identity(args, scene, build()))
     skipped: list[str] = []
     try:
@@ -128,12 +132,34 @@ def _ignored(args: argparse.Namespace) -> list[str]:
     return [f"--{name}: a study sets it itself; --samples and --budget bound it" for name in names]
 
 
+def _levels(args: argparse.Namespace, scene: Scene) -> list[str]:
+    """The other values of --complexity, where they change the stage; the reference has the one of the flag."""
+    other = _at_level(args, "medium" if args.complexity == "low" else "low")
+    if _faces(other) == _faces(scene):
+        return []
+    return [level for level in COMPLEXITIES[:3] if level != args.complexity]
+
+
+def _at_level(args: argparse.Namespace, level: str) -> Scene:
+    from .request import open_stage, times
+
+    return open_stage(argparse.Namespace(**{**vars(args), "complexity": level})).read(times(args)[0])
+
+
+def _faces(scene: Scene) -> int:
+    from ..shapes.mesh import Mesh
+
+    return sum(len(p.shape.faces) for p in scene.placements.values() if isinstance(p.shape, Mesh))
+
+
 def _renderer(args: argparse.Namespace, scene: Scene, changed: dict[str, object]) -> Renderer:
     """The study's renderer with some of `Renderer`'s arguments changed."""
     from ..framing import choose_camera, choose_resolution
     from .request import build_renderer
 
-    flags = {"aov": None, "denoise": changed.pop("denoise", False), **changed}
+    flags = {"aov": None, "denoise": False, "adaptive": False, **{_FLAGS.get(k, k): v for k, v in changed.items()}}
+    if "filter_textures" in changed:
+        flags["disableTextureFilter"] = not changed["filter_textures"]
     if not (args.resolution or args.imageWidth):
         width, height = choose_resolution(scene, choose_camera(scene, args.camera), None)
         flags["resolution"] = (min(_WIDTH, width), max(1, round(height * min(_WIDTH, width) / width)))

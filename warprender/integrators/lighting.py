@@ -20,6 +20,7 @@ from ..materials.normal_map import shading_function
 from ..numerics import GAMMA_7, INFINITY, max_component, offset_origin, spawn_between, to_frame
 from ..plan import PathKey
 from ..records import (
+    BY_CHANCE,
     SHADOW_NONE,
     SHADOW_PLAIN,
     Bsdf,
@@ -277,7 +278,7 @@ def met_function(key: PathKey) -> wp.Function:
             if place <= near or place > far:
                 return total
         weight = wp.float32(1.0)
-        if departure.pdf > 0.0:
+        if departure.pdf > 0.0 and scene.light_sampling != BY_CHANCE:
             chosen = probability_of(scene, departure.position, departure.normal, light, light.leaf)
             weight = power_heuristic(departure.pdf, found.pdf * chosen)
         arriving = wp.cw_mul(arriving, shape(scene, light, ray.direction))
@@ -384,6 +385,8 @@ def from_light_function(key: PathKey, weighted: bool, shadows: bool) -> wp.Funct
             # Rays that hit geometry see its light as light goes: where shadows are changed they leave it to this way.
             alone = towards.delta != 0 or (towards.hit.instance >= 0 and light.shadow != SHADOW_PLAIN)
             if not alone:
+                if scene.light_sampling == BY_CHANCE:
+                    return nothing
                 weight = power_heuristic(density, value.pdf)
         if wp.static(transmission):
             medium = medium_towards(surface, bsdf, around, towards.direction)
@@ -460,7 +463,7 @@ def glow_function(key: PathKey) -> wp.Function:
                 if light.shadow != SHADOW_PLAIN and departure.pdf > 0.0:
                     return wp.vec3(0.0, 0.0, 0.0)
                 weight = wp.float32(1.0)
-                if departure.pdf > 0.0:
+                if departure.pdf > 0.0 and scene.light_sampling != BY_CHANCE:
                     leaf = leaf_of(scene, light, surface.hit.face)
                     if leaf >= 0:
                         light = narrowed(scene, light, leaf)

@@ -9,6 +9,7 @@ from functools import cache
 import warp as wp
 
 from ..film import keep_term
+from ..materials import DisplayColor
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
 from ..numerics import INFINITY, from_frame, max_component, offset_origin, tangent_of, to_frame
@@ -55,6 +56,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     sampled_lights, straight_through = key.sampled_lights, key.straight_through
     with_lights = bool(key.lights)
     transmission, terms = "transmission" in key.features, key.terms
+    several_lobes = key.straight_through or key.materials != (DisplayColor.__name__,)
 
     @wp.func
     def radiance(
@@ -111,7 +113,9 @@ def radiance_function(key: PathKey) -> wp.Function:
             # 3. Sample the material; clear parts let the ray go on as it is.
             tangent = tangent_of(surface.normal)
             wo = to_frame(tangent, surface.normal, surface.outgoing)
-            lobe = random_pair(sample, step, DIMENSION_LOBE)
+            lobe = wp.vec2(0.0, 0.0)
+            if wp.static(several_lobes) or depth >= ROULETTE_AFTER:
+                lobe = random_pair(sample, step, DIMENSION_LOBE)
             scattered = sample_bsdf(scene, bsdf, wo, random_pair(sample, step, DIMENSION_BSDF), lobe[0])
             if wp.static(straight_through):
                 if scattered.event == EVENT_PASS:
@@ -152,7 +156,8 @@ def radiance_function(key: PathKey) -> wp.Function:
             last.diffuse = wp.cw_mul(throughput, scattered.diffuse)
             last.specular = wp.cw_mul(throughput, scattered.specular)
             last.pdf = wp.where(scattered.event == EVENT_DELTA, 0.0, scattered.pdf)
-            cone = scattered_cone(surface.footprint, cone[1], last.pdf)
+            if request.unfiltered == 0:
+                cone = scattered_cone(surface.footprint, cone[1], last.pdf)
 
             if wp.static(transmission):
                 last.normal = light_normal(surface, bsdf)

@@ -30,6 +30,10 @@ FOOTPRINT = wp.constant(wp.float32(0.25))
 class PathRequest:
     """Runtime values of a pass: which samples, how many bounces, which lights the camera sees.
 
+    Where `adaptive` is 1, pixels take the samples after those that they have, as many as `counts` (H, W) says.
+
+    `unfiltered` is 1 where texture look-ups take the finest level at one point.
+
     Where the first hits are rasterized, `hits` (H, W) has them, of rays at `offset` pixels from the pixels' centres.
     A transport brings what it adds to radiance to `terms` as well.
     """
@@ -37,8 +41,11 @@ class PathRequest:
     seed: wp.uint32
     first_sample: wp.int32
     samples: wp.int32
+    adaptive: wp.int32
+    counts: wp.array2d(dtype=wp.int32)
     sobol: wp.int32
     bounces: wp.int32
+    unfiltered: wp.int32
     visible: Visible
     hits: wp.array2d(dtype=Hit)
     offset: wp.vec2
@@ -89,8 +96,13 @@ def samples_kernel(
         rays = film.rays[y, x]
         kept = wp.int32(0)
         unfollowed = film.unfollowed[y, x]
-        for s in range(request.samples):
-            sample = sample_stream(request.seed, pixel, request.first_sample + s, request.sobol)
+        begin = request.first_sample
+        number = request.samples
+        if request.adaptive != 0:
+            begin = film.samples[y, x] + film.dropped[y, x]
+            number = request.counts[y, x]
+        for s in range(number):
+            sample = sample_stream(request.seed, pixel, begin + s, request.sobol)
             u = random_pair(sample, -1, DIMENSION_PIXEL)
             px = wp.float32(x) + 0.5
             py = wp.float32(y) + 0.5
@@ -107,7 +119,10 @@ def samples_kernel(
             else:
                 hit = closest(scene, ray)
                 rays += wp.vec3i(1, 0, 0)
-            result = radiance(scene, request, ray, hit, pixel_cone(camera) * FOOTPRINT, sample)
+            cone = pixel_cone(camera) * FOOTPRINT
+            if request.unfiltered != 0:
+                cone = wp.vec2(0.0, 0.0)
+            result = radiance(scene, request, ray, hit, cone, sample)
             rays += result.rays
             unfollowed += result.unfollowed
             if wp.static(terms):
@@ -120,7 +135,7 @@ def samples_kernel(
                 )
                 total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
                 squares += wp.cw_mul(value, value)
-                replicates[(request.first_sample + s) % REPLICATES] += wp.float64(luminance(result.radiance))
+                replicates[(begin + s) % REPLICATES] += wp.float64(luminance(result.radiance))
                 kept += 1
         film.sums[y, x] = total
         film.squares[y, x] = squares
@@ -128,7 +143,7 @@ def samples_kernel(
         film.rays[y, x] = rays
         film.unfollowed[y, x] = unfollowed
         film.samples[y, x] = film.samples[y, x] + kept
-        film.dropped[y, x] = film.dropped[y, x] + request.samples - kept
+        film.dropped[y, x] = film.dropped[y, x] + number - kept
 
     return samples
 

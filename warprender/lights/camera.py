@@ -14,7 +14,10 @@ from .light import Light, no_light
 
 @dataclass
 class CameraLight(Light):
-    """A point at the camera without falloff: a facing white Lambert surface reads 1 at any distance."""
+    """A point at the camera without falloff: a facing white Lambert surface reads 1 at any distance.
+
+    What all lights have, as `intensity` and `color`, is in `Light`.
+    """
 
     infinite = True
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..records import DeviceScene, LightNode, LightRecord
+from ..records import BY_POWER, DeviceScene, LightNode, LightRecord
 
 _LOW_BITS = wp.constant(wp.float64(2.0**-24))
 
@@ -180,7 +180,11 @@ def children_importance(scene: DeviceScene, node: LightNode, p: wp.vec3, n: wp.v
     """Importance of a node's two to four children; in float64 a faint one beside a strong one is not rounded away."""
     result = wp.vec4d()
     for k in range(node.children):
-        result[k] = wp.float64(importance(scene.light_nodes[node.child + k], p, n))
+        child = scene.light_nodes[node.child + k]
+        if scene.light_sampling == BY_POWER:
+            result[k] = wp.float64(child.power)
+        else:
+            result[k] = wp.float64(importance(child, p, n))
     return result
 
 

@@ -18,6 +18,8 @@ class CylinderLight(Light):
     Directions are drawn with a uniform azimuth about the axis over the arc that the cylinder fills, then uniformly in
     the sine of the elevation between its ends: near enough uniform in solid angle that nothing is singular.
 
+    What all lights have, as `intensity` and `color`, is in `Light`.
+
     Attributes:
         length: along X, in light space.
         radius: in light space.

@@ -17,6 +17,8 @@ from .light import Light, flat_to_world, forwards, local_sample, no_light, point
 class DiskLight(Light):
     """A disk in the local XY plane, centred, that emits towards local -Z.
 
+    What all lights have, as `intensity` and `color`, is in `Light`.
+
     Attributes:
         radius: in light space: scene units unless `transform` scales.
     """

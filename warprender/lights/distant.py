@@ -18,6 +18,8 @@ from .light import Light, infinite_sample, linear_part, no_light
 class DistantLight(Light):
     """Light from infinitely far away, of one radiance within a cone; its intensity defaults to 50000.
 
+    What all lights have, as `intensity` and `color`, is in `Light`.
+
     Attributes:
         intensity: radiance; illuminance on a facing surface when normalised or when `angle` is 0.
         angle: full angle of the cone in degrees; 0 is a delta light.

@@ -25,6 +25,8 @@ class DomeLight(Light):
     Rays that leave a surface find a dome of one colour, and next-event estimation does not sample it: where radiance
     does not depend on the direction, no choice of directions is better than the material's own, but for portals.
 
+    What all lights have, as `intensity` and `color`, is in `Light`.
+
     Attributes:
         texture: multiplies the radiance, by latitude and longitude (`environment.to_latlong` for other formats).
         poleAxis: "Y" or "Z", where the picture's top is in light space.

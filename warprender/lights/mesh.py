@@ -39,6 +39,8 @@ class MeshLight(Light):
     light's radiance where `materialSyncMode` is "materialGlowTintsLight" and the material emits anything, the light's
     radiance otherwise. "noMaterialResponse" also makes the surface black; whoever adds the light does that.
 
+    What all lights have, as `intensity` and `color`, is in `Light`.
+
     Attributes:
         prim: path of the placement; each of its copies is a light.
         materialSyncMode: "materialGlowTintsLight", "independent" or "noMaterialResponse".

@@ -20,6 +20,8 @@ _SMALLEST_SOLID_ANGLE = wp.constant(wp.float32(0.02))
 class RectLight(Light):
     """A rectangle in the local XY plane, centred, that emits towards local -Z.
 
+    What all lights have, as `intensity` and `color`, is in `Light`.
+
     Attributes:
         width: along local X, in light space: scene units unless `transform` scales.
         height: along local Y, likewise.
@@ -62,23 +64,43 @@ class RectLight(Light):
 
 @wp.struct
 class SphericalRect:
-    """A rectangle seen from a point: its corners relative to the point, and the constants of Ureña et al. 2013."""
+    """A rectangle seen from a point: its corners relative to the point, and the constants of Ureña et al. 2013.
+
+    `sin0` and `sin1` are of the angles under which y0 and y1 are seen in the plane x = 0, `cos0` of the first; `turn`
+    is cosine and sine of the angle that the edge at x0 takes from the solid angle.
+    """
 
     x0: wp.float32
     x1: wp.float32
     y0: wp.float32
     y1: wp.float32
     z0: wp.float32
-    b0: wp.float32
-    b1: wp.float32
-    k: wp.float32
+    sin0: wp.float32
+    sin1: wp.float32
+    cos0: wp.float32
+    turn: wp.vec2
     solid_angle: wp.float32
 
 
 @wp.func
-def corner_angle(x: float, y: float, z: float) -> float:
-    """Signed solid angle of the rectangle from the foot of the perpendicular to the corner (x, y)."""
-    return wp.atan2(x * y, wp.abs(z) * wp.sqrt(x * x + y * y + z * z))
+def corner_angle(x: wp.vec2, y: wp.vec2) -> wp.vec2:
+    """Signed solid angle of the rectangle from the foot of the perpendicular to a corner, as its cosine and sine.
+
+    `x` and `y` are cosine and sine of the angles under which its sides are seen. Nothing cancels.
+    """
+    return wp.vec2(wp.sqrt(y[0] * y[0] + x[0] * x[0] * y[1] * y[1]), x[1] * y[1])
+
+
+@wp.func
+def seen_angle(x: float, height: float) -> wp.vec2:
+    """Cosine and sine of the angle under which a length x is seen from this height above its foot."""
+    return wp.vec2(height, x) / wp.max(wp.sqrt(x * x + height * height), 1.0e-30)
+
+
+@wp.func
+def less(a: wp.vec2, b: wp.vec2) -> wp.vec2:
+    """Angle a - b; angles as cosine and sine."""
+    return wp.vec2(a[0] * b[0] + a[1] * b[1], a[1] * b[0] - a[0] * b[1])
 
 
 @wp.func
@@ -90,31 +112,43 @@ def spherical_rect(light: LightRecord, q: wp.vec3) -> SphericalRect:
     r.y0 = -light.size[1] - q[1]
     r.y1 = light.size[1] - q[1]
     r.z0 = q[2]
-    # Angles at the corners less π/2. The arc cosine of n n' would lose half its digits near the rectangle's plane.
-    a0 = corner_angle(r.x1, r.y0, r.z0)
-    a1 = corner_angle(r.x1, r.y1, r.z0)
-    a2 = corner_angle(r.x0, r.y1, r.z0)
-    a3 = corner_angle(r.x0, r.y0, r.z0)
-    r.b0 = -r.y0 / wp.sqrt(r.z0 * r.z0 + r.y0 * r.y0)
-    r.b1 = r.y1 / wp.sqrt(r.z0 * r.z0 + r.y1 * r.y1)
-    r.k = PI + a2 - a3
-    r.solid_angle = a1 - a0 - a2 + a3
+    # Angles of corners are added as complex numbers: one arc tangent for four. The arc cosine of normals' products
+    # would lose half its digits near the rectangle's plane.
+    height = wp.abs(r.z0)
+    x0 = seen_angle(r.x0, height)
+    x1 = seen_angle(r.x1, height)
+    y0 = seen_angle(r.y0, height)
+    y1 = seen_angle(r.y1, height)
+    right = less(corner_angle(x1, y1), corner_angle(x1, y0))
+    left = less(corner_angle(x0, y0), corner_angle(x0, y1))
+    angle = wp.atan2(right[1] * left[0] + right[0] * left[1], right[0] * left[0] - right[1] * left[1])
+    if right[1] >= 0.0 and left[1] >= 0.0:
+        # Above the rectangle it may fill up to the half sphere: both parts obtuse are more than π together.
+        if angle < 0.0 or (right[0] < 0.0 and left[0] < 0.0 and angle < 0.5 * PI):
+            angle += 2.0 * PI
+    r.sin0 = y0[1]
+    r.sin1 = y1[1]
+    r.cos0 = y0[0]
+    r.turn = left
+    r.solid_angle = wp.max(angle, 0.0)
     return r
 
 
 @wp.func
 def point_in_solid_angle(r: SphericalRect, u: wp.vec2) -> wp.vec3:
     """Vector from the point to a place on the rectangle, uniform in solid angle; z along +local Z."""
-    au = u[0] * r.solid_angle + r.k
-    sin_au = wp.sin(au)
-    fu = (wp.cos(au) * r.b0 - r.b1) / wp.where(sin_au == 0.0, 1.0e-20, sin_au)
-    cu = wp.clamp(wp.sign(fu) / wp.sqrt(fu * fu + r.b0 * r.b0), -1.0, 1.0)
-    xu = wp.clamp(-(cu * r.z0) / wp.max(wp.sqrt(1.0 - cu * cu), 1.0e-7), r.x0, r.x1)
+    part = u[0] * r.solid_angle
+    # Half a turn less than Ureña's angle, so both its sine and cosine change their signs.
+    au = less(wp.vec2(wp.cos(part), wp.sin(part)), r.turn)
+    fu = -(au[0] * r.sin0 - r.sin1) / wp.where(au[1] == 0.0, 1.0e-20, au[1])
+    # The sine of the plane's angle from cos0, where Ureña et al. subtract from 1.
+    across = wp.sqrt(wp.max((wp.abs(fu) - r.cos0) * (wp.abs(fu) + r.cos0), 1.0e-14))
+    xu = wp.clamp(-wp.sign(fu) * r.z0 / across, r.x0, r.x1)
     d2 = xu * xu + r.z0 * r.z0
     h0 = r.y0 / wp.sqrt(d2 + r.y0 * r.y0)
     h1 = r.y1 / wp.sqrt(d2 + r.y1 * r.y1)
     hv = h0 + u[1] * (h1 - h0)
-    yv = wp.clamp(hv * wp.sqrt(d2) / wp.sqrt(wp.max(1.0 - hv * hv, 1.0e-12)), r.y0, r.y1)
+    yv = wp.clamp(hv * wp.sqrt(d2 / wp.max(1.0 - hv * hv, 1.0e-12)), r.y0, r.y1)
     return wp.vec3(xu, yv, -r.z0)
 
 
@@ -146,13 +180,15 @@ def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> Li
 def meet(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.vec3) -> LightSample:
     """What a ray meets of the light."""
     q = point_to_light(light, origin)
-    local = wp.normalize(light.inverse * direction)
-    if q[2] >= 0.0 or local[2] <= 0.0:
+    way = light.inverse * direction
+    if q[2] >= 0.0 or way[2] <= 0.0:
         return no_light()
-    t = -q[2] / local[2]
-    if wp.abs(q[0] + t * local[0]) > light.size[0] or wp.abs(q[1] + t * local[1]) > light.size[1]:
+    t = -q[2] / way[2]
+    if wp.abs(q[0] + t * way[0]) > light.size[0] or wp.abs(q[1] + t * way[1]) > light.size[1]:
         return no_light()
-    return local_sample(light, local, t, density(light, spherical_rect(light, q), local, t))
+    length = wp.length(way)
+    local = way / length
+    return local_sample(light, local, t * length, density(light, spherical_rect(light, q), local, t * length))
 
 
 @wp.func

@@ -25,7 +25,8 @@ class Shaping(Watched):
         iesProfile: photometric profile, or None; the cone does not cut it.
         iesAngleScale: scales the profile's vertical angles, about the axis when positive, about its opposite when
             negative; 0 leaves them alone.
-        iesNormalize: divide the profile by its power.
+        iesNormalize: divide the profile by its power, the integral over all directions, as the schema says; hdEmbree
+            divides by its mean over the sphere or half sphere, 4π or 2π times less.
     """
 
     focus: float = 0.0

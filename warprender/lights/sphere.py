@@ -17,6 +17,8 @@ from .light import Light, linear_part, local_sample, no_light, point_to_light
 class SphereLight(Light):
     """A sphere about the local origin that emits outwards.
 
+    What all lights have, as `intensity` and `color`, is in `Light`.
+
     Attributes:
         radius: in light space: scene units unless `transform` scales.
         treatAsPoint: may be sampled as a point of the same power; drawn as the sphere that it is.

@@ -98,6 +98,8 @@ def _amounts(mesh: Mesh, displacement: Number) -> np.ndarray:
 def _primvar_at_corners(mesh: Mesh, reader: PrimvarReader, width: int) -> np.ndarray:
     """(T, 3, width) of a primvar at the corners of the triangles, the reader's fallback where it is missing."""
     primvar = mesh.primvars.get(reader.varname)
+    if primvar is not None and reader.matrix:
+        primvar = primvar.mapped(reader.matrix)
     values = np.zeros((*mesh.triangles.shape, width))
     if primvar is None:
         values[:] = np.resize(np.append(reader.fallback, np.zeros(width)), width)

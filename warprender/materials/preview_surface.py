@@ -85,7 +85,7 @@ class PreviewSurface(BaseMaterial):
             `Dielectric` refracts.
         opacityMode: "transparent" (the diffuse part fades, reflections stay) or "presence" (all fades).
         opacityThreshold: above 0, a cut-out: below it nothing is drawn, from it on the surface is opaque.
-        ior: index of refraction; sets F0 of dielectrics and of the clearcoat, nothing else.
+        ior: index of refraction; sets F0 of dielectrics and of the clearcoat, nothing else. Below 0 it is 0.
         normal: in the tangent frame of the texture coordinates; of any length.
         displacement: how far points move along the normal, in object units, when a stage or a mesh is taken into a
             scene (`displacement.displaced`).
@@ -139,7 +139,8 @@ class PreviewSurface(BaseMaterial):
             return 1.0
         # A white edge bounds every other one.
         tint, f0, f90 = np.array(self.diffuseColor), np.array(self.specularColor), 1.0
-        diffuse, coat_f0 = tint, ((1 - self.ior) / (1 + self.ior)) ** 2
+        ior = max(self.ior, 0.0)
+        diffuse, coat_f0 = tint, ((1 - ior) / (1 + ior)) ** 2
         if not self.useSpecularWorkflow:
             f90 = 1 - self.metallic + tint * self.metallic
             f0 = f90 * (coat_f0 * (1 - self.metallic) + self.metallic)
@@ -177,7 +178,8 @@ def prepare_function(features: tuple[str, ...]) -> wp.Function:
             return bsdf
 
         bsdf.emission = row_of(values, EMISSIVE_COLOR)
-        r = (1.0 - values[IOR, 0]) / (1.0 + values[IOR, 0])
+        ior = wp.max(values[IOR, 0], 0.0)
+        r = (1.0 - ior) / (1.0 + ior)
         bsdf.coat_f0 = wp.min(r * r, 1.0)
         bsdf.f90 = clamped(row_of(values, SPECULAR_EDGE_COLOR))
         bsdf.diffuse = clamped(row_of(values, DIFFUSE_COLOR))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -45,6 +46,16 @@ class Primvar:
     def expanded(self) -> np.ndarray:
         """The values with `indices` resolved: (K, C) float32."""
         return self.values if self.indices is None else self.values[self.indices]
+
+    def mapped(self, matrix: Sequence[Sequence[float]]) -> Primvar:
+        """The primvar of matrix · (value, 1), matrix (R, C + 1); missing components are 0, further ones are left out.
+
+        Interpolation is linear: to map the values is to map what is interpolated between them.
+        """
+        weights = np.array(matrix, np.float64)
+        values = np.zeros((len(self.values), weights.shape[1] - 1))
+        values[:, : self.values.shape[1]] = self.values[:, : values.shape[1]]
+        return replace(self, values=values @ weights[:, :-1].T + weights[:, -1])
 
     def upload(self, corners: np.ndarray, device: str) -> PrimvarRecord:
         """The device's record of it, for triangles whose vertices are the authored face corners (T, 3)."""

@@ -24,7 +24,7 @@ class Row:
         setting: its name.
         knob: of it.
         value: of it.
-        samples: a pixel.
+        samples: a pixel, mean.
         pictures: how many seeds.
         seconds: median of sampling.
         spread: of the seconds, (largest − smallest) / median.
@@ -42,7 +42,7 @@ class Row:
     setting: str
     knob: str
     value: str
-    samples: int
+    samples: float
     pictures: int
     seconds: float
     spread: float
@@ -84,7 +84,7 @@ def _row(setting: Setting, measured: Sequence[Measurement], pictures: np.ndarray
         setting.name,
         setting.knob,
         setting.value,
-        setting.samples,
+        float(np.mean([m.samples for m in measured])),
         len(measured),
         median,
         float(np.ptp(seconds) / median),

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import images
-from ..renderer import Renderer
+from ..renderer import FEWEST_FOR_ERROR, Renderer
 from .metrics import differences, flip, flip_available
 from .settings import Setting
 
@@ -34,7 +34,8 @@ class Interrupted(Exception):
 class Measurement:
     """One picture: what it took, and how far it lies from the reference.
 
-    `seconds` are those of sampling (and denoising), `rays` of all kinds; `flip` is None without flip-evaluator.
+    `seconds` are those of sampling (and denoising), `rays` of all kinds, `samples` a pixel; `flip` is None without
+    flip-evaluator.
     """
 
     setting: str
@@ -46,6 +47,7 @@ class Measurement:
     maximum: float
     flip: float | None
     stated_error: float
+    samples: float
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,7 @@ class Study:
             found.maximum,
             flip(color, reference.color)[0] if flip_available() else None,
             float(frame.stats["error"]),
+            float(frame.stats["samples"]),
         )
         # The picture first: a measurement that is listed has one.
         np.save(self.folder / "pictures" / f"{setting.name}, seed {seed}.npy", color)
@@ -189,14 +192,13 @@ class Study:
         self.measurements.append(measurement)
 
     def _render(self, setting: Setting, seed: int):
-        options = (*setting.options, *((("denoise", True),) if setting.denoise else ()))
-        return self._renderer(options).render(samples=setting.samples, seed=seed)
+        return self._renderer(setting.options).render(samples=setting.samples, error=setting.error, seed=seed)
 
     def _renderer(self, options: tuple[tuple[str, object], ...]) -> Renderer:
         """Made once for its options, and warm: compiling and the first touch of memory are not measured."""
         if options not in self._renderers:
             renderer = self._build(**dict(options))
-            renderer.render(samples=1)
+            renderer.render(samples=FEWEST_FOR_ERROR + 1 if renderer.request.adaptive else 1)
             self._renderers[options] = renderer
         return self._renderers[options]
 

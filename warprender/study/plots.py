@@ -10,6 +10,7 @@ import numpy as np
 
 from ..images import display_bytes
 from .analysis import Row, is_biased
+from .settings import ASKED
 
 MISSING = 'a report needs the package matplotlib: pip install "warprender[study]"'
 
@@ -23,14 +24,52 @@ def check_available() -> None:
         raise ValueError(MISSING)
 
 
-def error_over_time(rows: Sequence[Row]) -> bytes:
-    """RMSE over seconds, both logarithmic, a line for each curve, with the Pareto front."""
-    figure, axes = _figure("seconds", "RMSE")
-    for label, curve in _curves(rows).items():
-        axes.plot([r.seconds for r in curve], [r.rmse for r in curve], "o-", label=label, markersize=4, linewidth=1)
+def best_over_time(rows: Sequence[Row]) -> bytes:
+    """RMSE over seconds of every setting, both logarithmic, a colour for each knob; the Pareto front has labels."""
+    figure, axes = _figure("seconds", "RMSE", height=6.0)
+    for knob in dict.fromkeys(row.knob for row in rows):
+        points = [row for row in rows if row.knob == knob]
+        axes.plot([r.seconds for r in points], [r.rmse for r in points], "o", label=knob, markersize=4, alpha=0.6)
     front = sorted((r for r in rows if r.best), key=lambda r: r.seconds)
-    axes.plot([r.seconds for r in front], [r.rmse for r in front], "k--", label="best", linewidth=2, alpha=0.5)
+    axes.plot([r.seconds for r in front], [r.rmse for r in front], "k--", label="Pareto front", linewidth=1.5)
+    for row in front:
+        axes.annotate(
+            row.setting, (row.seconds, row.rmse), fontsize=6, rotation=30, xytext=(3, 3), textcoords="offset points"
+        )
     return _finished(figure, axes)
+
+
+def error_over_time(rows: Sequence[Row], usual: str) -> bytes:
+    """The same, a panel for each knob: its curves over all other settings in grey, the front and the usual curve.
+
+    Args:
+        rows: every setting.
+        usual: label of the curve to compare with, as "sampler sobol".
+    """
+    from matplotlib.figure import Figure
+
+    knobs = list(dict.fromkeys(row.knob for row in rows))
+    lines = -(-len(knobs) // 2)
+    figure = Figure(figsize=(9, 3.2 * lines), layout="constrained")
+    panels = figure.subplots(lines, 2, sharex=True, sharey=True, squeeze=False).ravel()
+    front = sorted((r for r in rows if r.best), key=lambda r: r.seconds)
+    compared = _curves(rows).get(usual, [])
+    for axes, knob in zip(panels, knobs, strict=False):
+        axes.plot([r.seconds for r in rows], [r.rmse for r in rows], ".", color="0.85", markersize=3, zorder=0)
+        axes.plot([r.seconds for r in front], [r.rmse for r in front], "k--", linewidth=1, alpha=0.6)
+        if knob != usual.split()[0]:
+            axes.plot([r.seconds for r in compared], [r.rmse for r in compared], "-", color="0.4", label=usual)
+        for label, curve in _curves([r for r in rows if r.knob == knob]).items():
+            style = {"label": label.removeprefix(f"{knob} "), "markersize": 4, "linewidth": 1}
+            axes.plot([r.seconds for r in curve], [r.rmse for r in curve], "o-", **style)
+        axes.set(title=knob, xscale="log", yscale="log")
+        axes.grid(True, which="major", alpha=0.25)
+        axes.legend(fontsize=6, ncols=2)
+    for axes in panels[len(knobs) :]:
+        axes.set_axis_off()
+    figure.supxlabel("seconds")
+    figure.supylabel("RMSE")
+    return _bytes(figure)
 
 
 def error_over_samples(rows: Sequence[Row], slopes: dict[str, tuple[float, float]]) -> bytes:
@@ -92,7 +131,9 @@ def zoomed(color: np.ndarray, crop: tuple[slice, slice]) -> bytes:
 def _curves(rows: Sequence[Row]) -> dict[str, list[Row]]:
     found: dict[str, list[Row]] = {}
     for row in rows:
-        found.setdefault(f"{row.knob} {row.value}", []).append(row)
+        # Errors that were asked for are one curve, each a point.
+        label = row.knob if row.knob == ASKED else f"{row.knob} {row.value}"
+        found.setdefault(label, []).append(row)
     return {label: sorted(curve, key=lambda r: r.samples) for label, curve in found.items()}
 
 
@@ -112,6 +153,10 @@ def _figure(x: str, y: str, height: float = 4.5, logarithmic: bool = True):
 
 def _finished(figure, axes) -> bytes:
     axes.legend(fontsize=7)
+    return _bytes(figure)
+
+
+def _bytes(figure) -> bytes:
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=110)
     return file.getvalue()

@@ -15,7 +15,7 @@ import numpy as np
 from . import plots
 from .analysis import Row, is_biased, rows, sampler_slopes
 from .measure import Reference, Study
-from .settings import Setting
+from .settings import TOGETHER, Setting
 
 _STYLE = """body { font: 15px/1.45 sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222 }
 table { border-collapse: collapse; font-size: 13px } td, th { padding: 2px 8px; text-align: right }
@@ -64,6 +64,7 @@ def _page(
     skipped: Sequence[str],
 ) -> str:
     noise = f", whose own RMS error is {np.sqrt(reference.variance):.2g}" if reference.variance else ""
+    usual = f"{found[0].knob} {found[0].value}"
     parts = [
         f"<h1>{escape(title)}</h1>",
         f"<p>Reference: {escape(reference.origin)}{noise}. Errors are of linear colour. Seconds are of sampling (and "
@@ -71,23 +72,33 @@ def _page(
         "in brackets where chance explains it (below three standard errors). Bold: nothing measured is both quicker "
         "and closer.</p>",
         "<h2>Error over time</h2>",
-        _image(plots.error_over_time(found)),
+        _image(plots.best_over_time(found)),
+        "<p>Below, a panel for each knob: its curves in colour, every other setting in light grey, the usual one in "
+        "dark grey, the Pareto front dashed. The further down and to the left, the better.</p>",
+        _image(plots.error_over_time(found, usual)),
         "<h2>Error over samples</h2>",
         _image(plots.error_over_samples(found, slopes)),
         "<p>Independent samples have slope −0.5. ± is half of a 95 % confidence interval.</p>",
-        "<h2>Every setting</h2>",
-        _table(found),
+        _best(found),
     ]
     if any(row.deviation is not None for row in found):
         parts += ["<h2>Bias and variance apart</h2>", _image(plots.bias_beside_deviation(found))]
     if skipped:
         parts.append(f"<p>Left out for lack of time, wholly or in part: {escape(', '.join(skipped))}.</p>")
+    parts += ["<h2>Every setting</h2>", _table(found)]
     parts += ["<h2>Pictures</h2>", _pictures(study, found, reference)]
     body = "\n".join(parts)
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         f"<style>{_STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
     )
+
+
+def _best(found: Sequence[Row]) -> str:
+    """The Pareto front in words, the quickest first."""
+    front = sorted((row for row in found if row.best), key=lambda row: row.seconds)
+    lines = [f"<li>{row.seconds:.3g} s: RMSE {row.rmse:.3g} by {escape(row.setting)}</li>" for row in front]
+    return "<h2>What each second buys</h2>\n<ul>" + "\n".join(lines) + "</ul>"
 
 
 def _table(found: Sequence[Row]) -> str:
@@ -106,7 +117,8 @@ def _table(found: Sequence[Row]) -> str:
 
 def _pictures(study: Study, found: Sequence[Row], reference: Reference) -> str:
     """The reference, and of each curve its best picture, where it is worst, and its error map."""
-    last = {f"{row.knob} {row.value}": row for row in sorted(found, key=lambda r: r.samples)}
+    single = [row for row in found if row.knob != TOGETHER or row.best]
+    last = {f"{row.knob} {row.value}": row for row in sorted(single, key=lambda r: r.samples)}
     parts = [_figure(plots.shown(reference.color), "reference")]
     for row in last.values():
         seed = next(m.seed for m in study.measurements if m.setting == row.setting)

@@ -41,6 +41,7 @@ def read_camera(reading: Reading, schema: UsdGeom.Camera, cache: UsdGeom.XformCa
         clippingRange=tuple(map(float, reading.get(schema.GetClippingRangeAttr()))),
         clippingPlanes=_clipping_planes(reading, schema),
         exposureScale=_exposure_scale(reading, schema),
+        **_shutter(reading, schema),
         transform=np.array(cache.GetLocalToWorldTransform(prim), np.float64),
         **{name: float(reading.get(prim.GetAttribute(name))) for name in NUMBERS},
     )
@@ -52,6 +53,15 @@ def _clipping_planes(reading: Reading, schema: UsdGeom.Camera) -> tuple[tuple[fl
     if not finite.all():
         reading.remark(schema.GetPrim(), f"{np.sum(~finite)} clippingPlanes are not finite and cut nothing")
     return tuple(map(tuple, planes[finite].tolist()))
+
+
+def _shutter(reading: Reading, schema: UsdGeom.Camera) -> dict[str, float]:
+    """When the shutter opens and closes; a remark and never where that makes no sense."""
+    opens, closes = (float(reading.get(a)) for a in (schema.GetShutterOpenAttr(), schema.GetShutterCloseAttr()))
+    if np.isfinite((opens, closes)).all() and opens <= closes:
+        return {"shutterOpen": opens, "shutterClose": closes}
+    reading.remark(schema.GetPrim(), f"shutter:open {opens} and shutter:close {closes} blur nothing")
+    return {}
 
 
 def _exposure_scale(reading: Reading, schema: UsdGeom.Camera) -> float:

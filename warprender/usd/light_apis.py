@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from pxr import Sdf, Usd, UsdLux
+from pxr import Ar, Sdf, Usd, UsdLux
 
 from ..lights import IesProfile, Shadow, Shaping
 from .reading import Reading
 
 
 def light_input(reading: Reading, prim: Usd.Prim, name: str) -> object:
-    """An authored input, under its name of today or, with a remark, without the prefix as in stages before 21.05."""
+    """An authored input, under its name of today or, with a remark, without the prefix as in stages before 21.05.
+
+    A few, such as `treatAsPoint`, never had the prefix: the prim's schema names them as they are.
+    """
     for attribute in (prim.GetAttribute(f"inputs:{name}"), prim.GetAttribute(name)):
         if attribute and attribute.HasAuthoredValue():
-            if not attribute.GetName().startswith("inputs:"):
+            named = prim.GetPrimDefinition().GetPropertyNames()
+            if not attribute.GetName().startswith("inputs:") and name not in named:
                 reading.remark(
                     prim, "its inputs have the names of before OpenUSD 21.05, without inputs:; they are taken"
                 )
@@ -97,8 +99,21 @@ def _profile(reading: Reading, prim: Usd.Prim) -> IesProfile | None:
         return None
     if path not in reading.profiles:
         try:
-            reading.profiles[path] = IesProfile.parse(Path(path).read_text("latin-1"))
-        except (OSError, ValueError) as error:
+            reading.profiles[path] = IesProfile.parse(_text(path))
+        except ValueError as error:
             reading.remark(prim, f"it is drawn without its profile: {path}: {error}")
             reading.profiles[path] = None
     return reading.profiles[path]
+
+
+def _text(path: str) -> str:
+    """What a file holds, which may lie in a package: `lamp.usdz[beam.ies]`.
+
+    Raises:
+        ValueError: it cannot be opened.
+    """
+    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    if not asset:
+        raise ValueError("it cannot be opened")
+    with asset:
+        return bytes(asset.GetBuffer()).decode("latin-1")

@@ -14,6 +14,7 @@ from .binding import Bindings
 from .cameras import read_cameras
 from .lights import remark_on_portals
 from .materialx.references import is_about_documents, resolved_stage
+from .motion import StageMotion
 from .passes import read_pass
 from .placing import mark_sound, place_lights, place_mesh_light, place_shape
 from .reading import Diagnostics, Reading, one_line
@@ -130,7 +131,8 @@ class StageReader:
             time: as in `load`.
 
         Returns:
-            A scene of its own, whose shapes may be those of scenes read before.
+            A scene of its own, whose shapes may be those of scenes read before. Where a camera's shutter is open for
+            a time, `scene.motion` reads the stage at other times.
 
         Raises:
             SceneError: as `load`.
@@ -148,6 +150,8 @@ class StageReader:
             reading.scene.warn(line)
         reading.scene.loading = {**self._loading, "time": _plain_time(reading.time)}
         self._last = reading
+        if not reading.time.IsDefault() and any(c.shutterOpen < c.shutterClose for c in reading.scene.cameras.values()):
+            reading.scene.motion = StageMotion(reading.scene, self.read, self._stage, reading.time)
         return reading.scene
 
     def settings(self, time: float | str | Usd.TimeCode | None = None) -> RenderSettings:

@@ -66,6 +66,8 @@ def read_metadata(stage: Usd.Stage, scene: Scene) -> None:
 
 def _open_layer(path: str | os.PathLike) -> Sdf.Layer:
     path = os.fspath(path)
+    if os.path.isdir(path):
+        raise SceneError(f"{path}: is a folder, not a USD stage")
     try:
         layer = Sdf.Layer.FindOrOpen(path)
     except Tf.ErrorException as error:

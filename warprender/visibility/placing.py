@@ -10,7 +10,7 @@ import warp as wp
 
 from ..launch import launch
 from ..numerics import gamma, linear_of, mat34, mat34d, translation_of
-from ..records import NOT_DRAWN, Instance
+from ..records import MOVED, NOT_DRAWN, Instance
 
 #: γ(12) of float32: how far rounding of the matrices, and of the box itself by its middle and half, may move a point,
 #: relative to the terms that it is a sum of.
@@ -184,6 +184,8 @@ def _place_instances(
     unscaled = single(inverse, -(inverse * translation))
     place.to_object = unscaled * shapes.scales[shape]
     place.placed = wp.where(place.to_object == _eye, 0, 1)
+    if place.placed != 0 and linear_of(place.to_object) == linear_of(_eye):
+        place.placed = wp.static(MOVED)
     sound = wp.determinant(linear) != wp.float64(0.0) and all_finite(place.to_world) and all_finite(unscaled)
     if rest.shown[i] == 0 or not sound:
         place.to_world = mat34()

@@ -10,7 +10,7 @@
 //   Keyed                one thread a triangle, one key a pixel (CUDA)
 //   Painter              sorted triangles, the last one stays
 //   Linear, Fill         edge functions and depth over a rectangle, eight pixels at once
-//   Bins, Corners, Binner        triangles to bins by count, prefix sum and scatter, eight triangles at once
+//   Bins, Corners, Batch, Binner triangles to bins by count, prefix sum and scatter, eight triangles at once
 //   Tile                 one bin of the picture: draws what is in it, then barycentrics
 //
 // A pixel centre is the homogeneous point (a, b, 1) of a frame in which vertex k is P_k = (width x_k, height y_k, w_k):
@@ -308,6 +308,12 @@ struct Mesh {
         m.first = task.first_face.data[draw];
     }
 
+    // The end of a draw's faces in the picture.
+    RASTER_FN int last(const Task& task, int draw)
+    {
+        return draw + 1 < task.first_face.shape[0] ? task.first_face.data[draw + 1] : 0x7fffffff;
+    }
+
     // The draw that a face of the picture belongs to.
     RASTER_FN int owner(const Task& task, int face)
     {
@@ -423,7 +429,7 @@ struct Keyed {
         if (x0 > x1 || y0 > y1)
             return;
         if ((long long)(x1 - x0 + 1) * (y1 - y0 + 1) > LargeArea) {
-            auto& record = task.entries.data[claim(task.taken.data)];
+            int* record = task.entries.data + 3 * (long long)(claim(task.taken.data));
             record[0] = face;
             record[1] = x0 | x1 << 16;
             record[2] = y0 | y1 << 16;
@@ -438,7 +444,7 @@ struct Keyed {
     RASTER_FN void draw_large(const Task& task, int x, int y)
     {
         for (int i = 0; i < task.taken.data[0]; ++i) {
-            auto& record = task.entries.data[i];
+            const int* record = task.entries.data + 3 * (long long)(i);
             if (x < (record[1] & 0xffff) || x > record[1] >> 16 || y < (record[2] & 0xffff) || y > record[2] >> 16)
                 continue;
             Triangle t;
@@ -533,6 +539,34 @@ struct Wide {
         Bool8 b;
         __builtin_memcpy(&b, &byte, 1);
         return -__builtin_convertvector(b, Int8);
+    }
+    // The chosen lanes side by side; eight numbers are written. A branch for each would be guessed wrong every other
+    // time.
+    RASTER_FN void pick(int* to, int lanes, Int8 value)
+    {
+#if defined(__AVX512VL__)
+        typedef int Register __attribute__((vector_size(32)));
+        Register picked = __builtin_ia32_compresssi256_mask((Register)(value), Register {}, (unsigned char)(lanes));
+        *(Int8*)(to) = (Int8)(picked);
+#else
+        for (int lane = 0; lane < 8; ++lane) {
+            *to = value[lane];
+            to += lanes >> lane & 1;
+        }
+#endif
+    }
+    RASTER_FN void pick(unsigned long long* to, int lanes, Keys8 value)
+    {
+#if defined(__AVX512F__)
+        typedef long long Register __attribute__((vector_size(64)));
+        Register picked = __builtin_ia32_compressdi512_mask((Register)(value), Register {}, (unsigned char)(lanes));
+        *(Keys8*)(to) = (Keys8)(picked);
+#else
+        for (int lane = 0; lane < 8; ++lane) {
+            *to = value[lane];
+            to += lanes >> lane & 1;
+        }
+#endif
     }
 };
 
@@ -721,16 +755,7 @@ struct Fill {
 
 // ---------------------------------------------------------------- bins
 
-// What a chunk of triangles leaves for a bin: a fragment, or a whole triangle that the bin draws itself.
-struct Entry {
-    enum : unsigned { Whole = 0xffffffffu };
-
-    unsigned where;  // bin, row and column within it
-    unsigned depth;  // upper half of the key, or Whole
-    int face;
-};
-
-// A triangle that lies over many bins; corners in bins, x | y << 16. As large as an Entry, and kept with them.
+// A triangle that lies over many bins; corners in bins, x | y << 16.
 struct Large {
     int face;
     unsigned low, high;
@@ -747,18 +772,6 @@ struct Bins {
         b.height = task.height;
         b.columns = ((task.width - 1) >> task.shift) + 1;
         b.rows = ((task.height - 1) >> task.shift) + 1;
-    }
-    RASTER_FN unsigned pack(const Bins& b, int x, int y)
-    {
-        unsigned bin = (unsigned)((y >> b.shift) * b.columns + (x >> b.shift));
-        unsigned mask = (1u << b.shift) - 1u;
-        return (bin << 2 * b.shift) | ((y & mask) << b.shift) | (x & mask);
-    }
-    RASTER_FN Unsigned8 pack(const Bins& b, Int8 x, Int8 y)
-    {
-        Unsigned8 bin = (Unsigned8)((y >> b.shift) * b.columns + (x >> b.shift));
-        Unsigned8 mask = (1u << b.shift) - 1u;
-        return (bin << 2 * b.shift) | (((Unsigned8)(y) & mask) << b.shift) | ((Unsigned8)(x) & mask);
     }
 };
 
@@ -792,6 +805,19 @@ struct Corners {
             c.w[k] = chosen ? loaded.w : c.w[k];
         }
         return faults;
+    }
+
+    // One triangle in all lanes.
+    RASTER_FN void load(Corners& c, const Mesh& m, int face)
+    {
+        float clip[12];
+        Mesh::triangle(m, face, clip);
+        for (int k = 0; k < 3; ++k) {
+            c.x[k] = Float8(clip[4 * k]);
+            c.y[k] = Float8(clip[4 * k + 1]);
+            c.z[k] = Float8(clip[4 * k + 2]);
+            c.w[k] = Float8(clip[4 * k + 3]);
+        }
     }
 
     // A point, or a clip position as it is.
@@ -837,250 +863,199 @@ struct Corners {
     }
 };
 
-// Sorts a chunk of triangles into bins.
-struct Binner {
-    enum { Chunk = 2048, Room = 16384, Entries = Room - Chunk, MostBins = 1024, SmallSide = 8, SmallArea = 24 };
-
-    // Entries in the order of their triangles, eight more than are used.
-    unsigned where[Entries + 8];
-    unsigned depth[Entries + 8];
-    int face[Entries + 8];
-    int counts[MostBins + 1];
-    int used, larges;
-    Large* large;
-    Bins bins;
-    Mesh mesh;
-    int cull;  // -1, 0 or 1: the sign of D that is not drawn
-    int fault;
-
-    RASTER_FN void emit(Binner& s, unsigned where, unsigned depth, int face)
-    {
-        s.where[s.used] = where;
-        s.depth[s.used] = depth;
-        s.face[s.used] = face;
-        ++s.used;
-    }
-
-    // The chosen lanes side by side. A branch for each would be guessed wrong every other time.
-    RASTER_FN void emit(Binner& s, int lanes, Unsigned8 where, Unsigned8 depth, Int8 face)
-    {
-        pick((int*)(s.where + s.used), lanes, (Int8)(where));
-        pick((int*)(s.depth + s.used), lanes, (Int8)(depth));
-        pick(s.face + s.used, lanes, face);
-        s.used += __builtin_popcount(lanes);
-    }
-    RASTER_FN void pick(int* to, int lanes, Int8 value)
-    {
-#if defined(__AVX512VL__)
-        typedef int Register __attribute__((vector_size(32)));
-        Register picked = __builtin_ia32_compresssi256_mask((Register)(value), Register {}, (unsigned char)(lanes));
-        *(Int8*)(to) = (Int8)(picked);
-#else
-        for (int lane = 0; lane < 8; ++lane) {
-            *to = value[lane];
-            to += lanes >> lane & 1;
-        }
-#endif
-    }
-
-    // A triangle that bins draw by themselves: an entry in each of a few, else one record for all.
-    RASTER_FN void hand_over(Binner& s, int face, int x0, int y0, int x1, int y1)
-    {
-        int shift = s.bins.shift;
-        int left = x0 >> shift, top = y0 >> shift, right = x1 >> shift, bottom = y1 >> shift;
-        if (right - left > 1 || bottom - top > 1 || s.used + 4 > Entries) {
-            Large& l = s.large[s.larges++];
-            l.face = s.mesh.first + face;
-            l.low = (unsigned)(left) | (unsigned)(top) << 16;
-            l.high = (unsigned)(right) | (unsigned)(bottom) << 16;
-            return;
-        }
-        for (int y = top; y <= bottom; ++y)
-            for (int x = left; x <= right; ++x)
-                emit(s, Bins::pack(s.bins, x << shift, y << shift), Entry::Whole, s.mesh.first + face);
-    }
+// Eight triangles on their way to the screen. Bits of a mask are lanes.
+struct Batch {
+    Double8 x[3], y[3], z[3];  // columns, rows of pixel centres and depths of vertices, once projected
+    Double8 w[3];
+    Double8 low_x, low_y, high_x, high_y;  // pixels that a triangle may cover
+    int alive, crossing, unclipped;        // may be seen; of them, across the eye plane; before it and not cut
+    // Of the small ones: edge functions at the corner pixel (low_x, low_y), what a column and a row add to them, none
+    // negative inside; twice the area, which is negative for front faces, for rows run downwards.
+    enum { SmallSide = 8 };
+    int small;
+    Double8 edge[3], across[3], down[3], area;
 
     RASTER_FN Long8 all_beyond(const Double8* v, const Double8* w, double side)
     {
         return (v[0] * side > w[0]) & (v[1] * side > w[1]) & (v[2] * side > w[2]);
     }
 
-    // Eight faces from `face` on; `count` of them exist.
-    RASTER_FN void group(Binner& s, int face, int count)
+    // Drops what is wholly outside one plane of the view volume, whatever the signs of w, or behind the eye.
+    RASTER_FN void make(Batch& b, const Corners& corners, int present)
+    {
+        Double8 sum = {};
+        Long8 unclipped = Long8(-1);
+        for (int k = 0; k < 3; ++k) {
+            b.x[k] = Wide::exact(corners.x[k]);
+            b.y[k] = Wide::exact(corners.y[k]);
+            b.z[k] = Wide::exact(corners.z[k]);
+            b.w[k] = Wide::exact(corners.w[k]);
+            sum += (b.x[k] - b.x[k]) + (b.y[k] - b.y[k]) + (b.z[k] - b.z[k]) + (b.w[k] - b.w[k]);
+            unclipped &= __builtin_elementwise_abs(b.z[k]) <= b.w[k];
+        }
+        Long8 outside = all_beyond(b.x, b.w, 1.0) | all_beyond(b.x, b.w, -1.0) | all_beyond(b.y, b.w, 1.0)
+            | all_beyond(b.y, b.w, -1.0) | all_beyond(b.z, b.w, 1.0) | all_beyond(b.z, b.w, -1.0);
+        Double8 nearest = Wide::smaller(Wide::smaller(b.w[0], b.w[1]), b.w[2]);
+        Double8 farthest = Wide::larger(Wide::larger(b.w[0], b.w[1]), b.w[2]);
+        Long8 finite = sum == 0.0;
+        b.alive = present & Wide::bits(~outside & finite & (farthest > 0.0));
+        b.crossing = b.alive & Wide::bits(nearest <= 0.0);
+        b.unclipped = b.alive & ~b.crossing & Wide::bits(unclipped);
+    }
+
+    // To pixels; drops what lies between centres. X and Y are wrong by less than 2^-50 · 2^15. Triangles across the
+    // eye plane may cover the whole picture.
+    RASTER_FN void project(Batch& b, double width, double height)
+    {
+        for (int k = 0; k < 3; ++k) {
+            Double8 r = 1.0 / b.w[k];
+            b.x[k] = Wide::fma(b.x[k] * (0.5 * width), r, Double8(0.5 * width - 0.5));
+            b.y[k] = Wide::fma(b.y[k] * (-0.5 * height), r, Double8(0.5 * height - 0.5));
+            b.z[k] *= r;
+        }
+        bound(b.x, width, b.low_x, b.high_x);
+        bound(b.y, height, b.low_y, b.high_y);
+        b.alive &= b.crossing | Wide::bits((b.low_x <= b.high_x) & (b.low_y <= b.high_y));
+        Long8 before = __builtin_convertvector(~Wide::mask(b.crossing), Long8);
+        b.low_x = before ? b.low_x : Double8(0.0), b.high_x = before ? b.high_x : Double8(width - 1.0);
+        b.low_y = before ? b.low_y : Double8(0.0), b.high_y = before ? b.high_y : Double8(height - 1.0);
+    }
+    RASTER_FN void bound(const Double8* v, double size, Double8& low, Double8& high)
+    {
+        const double margin = 0x1p-34;
+        low = __builtin_elementwise_ceil(Wide::smaller(Wide::smaller(v[0], v[1]), v[2]) - margin);
+        high = __builtin_elementwise_floor(Wide::larger(Wide::larger(v[0], v[1]), v[2]) + margin);
+        low = Wide::larger(low, Double8(0.0));
+        high = Wide::smaller(high, Double8(size - 1.0));
+    }
+
+    // Which ones are small, and their edge functions; drops those of them that are culled.
+    RASTER_FN void set_up(Batch& t, int cull)
+    {
+        Double8 x[3], y[3], reach = Double8(0.0);
+        for (int k = 0; k < 3; ++k) {
+            x[k] = t.x[k] - t.low_x, y[k] = t.y[k] - t.low_y;
+            reach = Wide::larger(reach, __builtin_elementwise_abs(x[k]));
+            reach = Wide::larger(reach, __builtin_elementwise_abs(y[k]));
+        }
+        for (int k = 0; k < 3; ++k) {
+            int i = (k + 1) % 3, j = (k + 2) % 3;
+            t.edge[k] = x[i] * y[j] - x[j] * y[i];
+            t.across[k] = y[i] - y[j];
+            t.down[k] = x[j] - x[i];
+        }
+        t.area = t.edge[0] + t.edge[1] + t.edge[2];
+        Long8 little = (t.high_x - t.low_x < (double)(SmallSide)) & (t.high_y - t.low_y < (double)(SmallSide))
+            & (reach < 32.0) & (__builtin_elementwise_abs(t.area) > 0x1p-16);
+        t.small = t.alive & t.unclipped & Wide::bits(little);
+        if (cull != 0) {
+            int culled = t.small & Wide::bits(cull > 0 ? t.area < 0.0 : t.area > 0.0);
+            t.small &= ~culled, t.alive &= ~culled;
+        }
+        Double8 side = t.area > 0.0 ? Double8(1.0) : Double8(-1.0);
+        for (int k = 0; k < 3; ++k)
+            t.edge[k] *= side, t.across[k] *= side, t.down[k] *= side;
+    }
+    // What an edge function of a small triangle is wrong by, at most: 2^-35 in its input, times 2 · 32 twice.
+    RASTER_FN double doubt() { return 0x1p-28; }
+
+    // Drops those over one or two pixel centres that cover none of them: of a fine mesh, most triangles.
+    RASTER_FN void drop_empty(Batch& t)
+    {
+        Double8 columns = t.high_x - t.low_x, rows = t.high_y - t.low_y;
+        Double8 first = Wide::smaller(Wide::smaller(t.edge[0], t.edge[1]), t.edge[2]);
+        Double8 last = Double8(1e300);
+        for (int k = 0; k < 3; ++k)
+            last = Wide::smaller(last, Wide::fma(columns, t.across[k], Wide::fma(rows, t.down[k], t.edge[k])));
+        t.alive &= ~(t.small & Wide::bits((columns + rows <= 1.0) & (Wide::larger(first, last) < -doubt())));
+    }
+};
+
+// Sorts a chunk of triangles into bins: a bin has the numbers of those that may cover a pixel of it, the complements of
+// the numbers of those that are not small.
+struct Binner {
+    enum { Chunk = 2048, Entries = 4 * Chunk, Room = Entries + 3 * Chunk, MostBins = 1024 };
+
+    // Entries in the order of their triangles, eight more than are used.
+    int where[Entries + 8];
+    int face[Entries + 8];
+    int counts[MostBins];
+    int used, larges, fault, cull;
+    Large* large;
+    Bins bins;
+
+    // Triangle `face` of the picture over bins [left, right] × [top, bottom].
+    RASTER_FN void hand_over(Binner& s, int face, bool small, int left, int top, int right, int bottom)
+    {
+        if (right - left > 1 || bottom - top > 1) {
+            Large& l = s.large[s.larges++];
+            l.face = face;
+            l.low = (unsigned)(left) | (unsigned)(top) << 16;
+            l.high = (unsigned)(right) | (unsigned)(bottom) << 16;
+            return;
+        }
+        for (int y = top; y <= bottom; ++y)
+            for (int x = left; x <= right; ++x, ++s.used) {
+                s.where[s.used] = y * s.bins.columns + x;
+                s.face[s.used] = small ? face : ~face;
+            }
+    }
+
+    // Eight faces of the mesh from `face` on; `count` of them exist.
+    RASTER_FN void group(Binner& s, const Mesh& mesh, int face, int count)
     {
         int faces[8];
         for (int lane = 0; lane < 8; ++lane)
             faces[lane] = face + lane;
         Corners corners = {};
         int present = count < 8 ? (1 << count) - 1 : 255;
-        int faults = Corners::load(corners, s.mesh, faces, present);
+        int faults = Corners::load(corners, mesh, faces, present);
         if (faults) {
-            s.fault = s.mesh.first + face + __builtin_ctz(faults);
+            s.fault = mesh.first + face + __builtin_ctz(faults);
             present &= ~faults;
         }
-        Double8 x[3], y[3], z[3], w[3];
-        for (int k = 0; k < 3; ++k) {
-            x[k] = Wide::exact(corners.x[k]);
-            y[k] = Wide::exact(corners.y[k]);
-            z[k] = Wide::exact(corners.z[k]);
-            w[k] = Wide::exact(corners.w[k]);
-        }
-
-        // Wholly outside one plane of the view volume, whatever the signs of w; then what is behind the eye.
-        Long8 outside = all_beyond(x, w, 1.0) | all_beyond(x, w, -1.0) | all_beyond(y, w, 1.0)
-            | all_beyond(y, w, -1.0) | all_beyond(z, w, 1.0) | all_beyond(z, w, -1.0);
-        Double8 nearest = Wide::smaller(Wide::smaller(w[0], w[1]), w[2]);
-        Double8 farthest = Wide::larger(Wide::larger(w[0], w[1]), w[2]);
-        Double8 sum = {};
-        Long8 unclipped = Long8(-1);
-        for (int k = 0; k < 3; ++k) {
-            sum += (x[k] - x[k]) + (y[k] - y[k]) + (z[k] - z[k]) + (w[k] - w[k]);
-            unclipped &= __builtin_elementwise_abs(z[k]) <= w[k];
-        }
-        Long8 finite = sum == 0.0;
-        int alive = present & Wide::bits(~outside & finite & (farthest > 0.0));
-        if (!alive)
+        Batch b;
+        Batch::make(b, corners, present);
+        if (!b.alive)
             return;
-        int crossing = alive & Wide::bits(nearest <= 0.0);
-        while (crossing) {
-            int lane = __builtin_ctz(crossing);
-            crossing &= crossing - 1;
-            alive &= ~(1 << lane);
-            hand_over(s, face + lane, 0, 0, s.bins.width - 1, s.bins.height - 1);
-        }
-        if (alive)
-            project(s, face, alive, alive & Wide::bits(unclipped), x, y, z, w);
-    }
-
-    // Triangles before the eye: their pixel bounds; the small ones to fragments.
-    RASTER_FN void project(
-        Binner& s, int face, int alive, int unclipped, Double8* x, Double8* y, Double8* z, const Double8* w)
-    {
-        // Columns and rows of pixel centres are integers. X and Y are wrong by less than 2^-50 · 2^15.
-        double width = (double)(s.bins.width), height = (double)(s.bins.height);
-        for (int k = 0; k < 3; ++k) {
-            Double8 r = 1.0 / w[k];
-            x[k] = Wide::fma(x[k] * (0.5 * width), r, Double8(0.5 * width - 0.5));
-            y[k] = Wide::fma(y[k] * (-0.5 * height), r, Double8(0.5 * height - 0.5));
-            z[k] *= r;
-        }
-        const double margin = 0x1p-34;
-        Double8 low_x = __builtin_elementwise_ceil(Wide::smaller(Wide::smaller(x[0], x[1]), x[2]) - margin);
-        Double8 low_y = __builtin_elementwise_ceil(Wide::smaller(Wide::smaller(y[0], y[1]), y[2]) - margin);
-        Double8 high_x = __builtin_elementwise_floor(Wide::larger(Wide::larger(x[0], x[1]), x[2]) + margin);
-        Double8 high_y = __builtin_elementwise_floor(Wide::larger(Wide::larger(y[0], y[1]), y[2]) + margin);
-        low_x = Wide::larger(low_x, Double8(0.0));
-        low_y = Wide::larger(low_y, Double8(0.0));
-        high_x = Wide::smaller(high_x, Double8(width - 1.0));
-        high_y = Wide::smaller(high_y, Double8(height - 1.0));
-        Double8 columns = high_x - low_x + 1.0, rows = high_y - low_y + 1.0;
-        alive &= Wide::bits((columns > 0.0) & (rows > 0.0));
-        if (!alive)
-            return;
-
-        // Edge functions from the corner pixel; a, b: what a column and a row add.
-        Double8 e[3], a[3], b[3];
-        for (int k = 0; k < 3; ++k)
-            x[k] -= low_x, y[k] -= low_y;
-        for (int k = 0; k < 3; ++k) {
-            int i = (k + 1) % 3, j = (k + 2) % 3;
-            e[k] = x[i] * y[j] - x[j] * y[i];
-            a[k] = y[i] - y[j];
-            b[k] = x[j] - x[i];
-        }
-        Double8 area = e[0] + e[1] + e[2];
-        Double8 reach = Double8(0.0);
-        for (int k = 0; k < 3; ++k)
-            reach = Wide::larger(reach, Wide::larger(__builtin_elementwise_abs(x[k]), __builtin_elementwise_abs(y[k])));
-        Long8 little = (columns <= (double)(SmallSide)) & (rows <= (double)(SmallSide))
-            & (columns * rows <= (double)(SmallArea)) & (reach < 32.0) & (__builtin_elementwise_abs(area) > 0x1p-16);
-        int room = s.used + 8 * SmallArea <= Entries ? 255 : 0;
-        int small = alive & unclipped & room & Wide::bits(little);
-        int others = alive & ~small;
-        int x0[8], y0[8], nx[8], ny[8];
-        *(Int8*)(x0) = __builtin_convertvector(low_x, Int8), *(Int8*)(y0) = __builtin_convertvector(low_y, Int8);
-        *(Int8*)(nx) = __builtin_convertvector(columns, Int8), *(Int8*)(ny) = __builtin_convertvector(rows, Int8);
-        while (others) {
+        Batch::project(b, (double)(s.bins.width), (double)(s.bins.height));
+        Batch::set_up(b, s.cull);
+        Batch::drop_empty(b);
+        int shift = s.bins.shift;
+        Int8 left = __builtin_convertvector(b.low_x, Int8) >> shift, right = __builtin_convertvector(b.high_x, Int8) >> shift;
+        Int8 top = __builtin_convertvector(b.low_y, Int8) >> shift, bottom = __builtin_convertvector(b.high_y, Int8) >> shift;
+        int within = b.alive & Wide::bits(__builtin_convertvector((left == right) & (top == bottom), Long8));
+        Wide::pick(s.where + s.used, within, top * s.bins.columns + left);
+        Int8 number = Int8 { 0, 1, 2, 3, 4, 5, 6, 7 } + (mesh.first + face);
+        Wide::pick(s.face + s.used, within, Wide::mask(b.small) ? number : ~number);
+        s.used += __builtin_popcount(within);
+        for (int others = b.alive & ~within; others; others &= others - 1) {
             int lane = __builtin_ctz(others);
-            others &= others - 1;
-            hand_over(s, face + lane, x0[lane], y0[lane], x0[lane] + nx[lane] - 1, y0[lane] + ny[lane] - 1);
+            bool small = b.small >> lane & 1;
+            hand_over(s, mesh.first + face + lane, small, left[lane], top[lane], right[lane], bottom[lane]);
         }
-        // The image has y down: what turns left there turns right here.
-        if (s.cull != 0)
-            small &= ~Wide::bits(s.cull > 0 ? area < 0.0 : area > 0.0);
-        if (!small)
-            return;
-
-        Double8 side = area > 0.0 ? Double8(1.0) : Double8(-1.0);
-        Double8 scale = 1.0 / area;
-        Double8 z1 = (z[1] - z[0]) * scale, z2 = (z[2] - z[0]) * scale;
-        Double8 depth = Wide::fma(e[1], z1, Wide::fma(e[2], z2, z[0]));
-        Double8 depth_a = Wide::fma(a[1], z1, a[2] * z2), depth_b = Wide::fma(b[1], z1, b[2] * z2);
-        for (int k = 0; k < 3; ++k)
-            e[k] *= side, a[k] *= side, b[k] *= side;
-        // Inputs wrong by 2^-35 and products of at most 2 · 32 of them: below 2^-28.
-        const double doubt = 0x1p-28;
-        int most_columns = 0, most_rows = 0;
-        for (int lane = 0; lane < 8; ++lane)
-            if (small >> lane & 1) {
-                most_columns = nx[lane] > most_columns ? nx[lane] : most_columns;
-                most_rows = ny[lane] > most_rows ? ny[lane] : most_rows;
-            }
-        Int8 faces = Int8 { 0, 1, 2, 3, 4, 5, 6, 7 } + (s.mesh.first + face);
-        for (int row = 0; row < most_rows; ++row)
-            for (int column = 0; column < most_columns; ++column) {
-                Double8 i = Double8((double)(column)), j = Double8((double)(row));
-                Double8 least = Wide::fma(i, a[0], Wide::fma(j, b[0], e[0]));
-                least = Wide::smaller(least, Wide::fma(i, a[1], Wide::fma(j, b[1], e[1])));
-                least = Wide::smaller(least, Wide::fma(i, a[2], Wide::fma(j, b[2], e[2])));
-                Long8 here = (i < columns) & (j < rows);
-                int covered = small & Wide::bits((least > doubt) & here);
-                int doubtful = small & ~covered & Wide::bits((least > -doubt) & here);
-                for (; doubtful; doubtful &= doubtful - 1) {
-                    int lane = __builtin_ctz(doubtful);
-                    covered |= (int)(covers(s, face + lane, x0[lane] + column, y0[lane] + row)) << lane;
-                }
-                Double8 precise = Wide::fma(i, depth_a, Wide::fma(j, depth_b, depth));
-                precise = Wide::smaller(Wide::larger(precise, Double8(-1.0)), Double8(1.0));
-                Unsigned8 where = Bins::pack(s.bins, *(Int8*)(x0) + column, *(Int8*)(y0) + row);
-                emit(s, covered, where, Target::ordered(__builtin_convertvector(precise, Float8)), faces);
-            }
-    }
-
-    RASTER_FN bool covers(const Binner& s, int face, int x, int y)
-    {
-        float clip[12];
-        Triangle t;
-        Mesh::triangle(s.mesh, face, clip);
-        Triangle::make(t, clip, s.bins.width, s.bins.height);
-        return t.orientation != 0
-            && Triangle::covers(t, Triangle::column(s.bins.width, x), Triangle::row(s.bins.height, y));
-    }
-
-    RASTER_FN void make(Binner& s, const Bins& bins, const Mesh& mesh, int cull, Large* large)
-    {
-        s.used = s.larges = 0;
-        s.fault = -1;
-        s.bins = bins;
-        s.mesh = mesh;
-        s.cull = cull;
-        s.large = large;
     }
 
     RASTER_FN void run(const Task& task, int chunk)
     {
         const int* range = task.chunks.data + 3 * chunk;
-        Bins bins;
-        Bins::make(bins, task);
-        Mesh mesh;
-        Mesh::make(mesh, task, range[0]);
+        int* entries = task.entries.data + (long long)(Room) * chunk;
         Binner s;
-        Entry* entries = (Entry*)(task.entries.data) + (long long)(Room) * chunk;
-        make(s, bins, mesh, task.cull, (Large*)(entries) + Entries);
-        for (int face = 0; face < range[2]; face += 8)
-            group(s, range[1] + face, range[2] - face);
-        int bin_count = bins.columns * bins.rows;
-        sort(s, entries, task.starts.data + (long long)(bin_count + 1) * chunk);
+        s.used = s.larges = 0;
+        s.fault = -1;
+        s.cull = task.cull;
+        s.large = (Large*)(entries + Entries);
+        Bins::make(s.bins, task);
+        Mesh mesh;
+        for (int draw = range[0], face = range[1], end = range[1] + range[2]; face < end; ++draw) {
+            Mesh::make(mesh, task, draw);
+            int last = Mesh::last(task, draw);
+            last = last < end ? last : end;
+            for (; face < last; face += 8)
+                group(s, mesh, face - mesh.first, last - face);
+            face = last;
+        }
+        sort(s, entries, task.starts.data + (long long)(s.bins.columns * s.bins.rows + 1) * chunk);
         task.large_counts.data[chunk] = s.larges;
         task.faults.data[chunk] = s.fault;
     }
@@ -1094,13 +1069,13 @@ struct Binner {
     }
 
     // Entries in the order of their bins; bin b has [starts[b], starts[b + 1]).
-    RASTER_FN void sort(Binner& s, Entry* entries, int* starts)
+    RASTER_FN void sort(Binner& s, int* entries, int* starts)
     {
-        int bins = s.bins.columns * s.bins.rows, total = 0, shift = 2 * s.bins.shift;
+        int bins = s.bins.columns * s.bins.rows, total = 0;
         for (int bin = 0; bin < bins; ++bin)
             s.counts[bin] = 0;
         for (int i = 0; i < s.used; ++i)
-            ++s.counts[s.where[i] >> shift];
+            ++s.counts[s.where[i]];
         for (int bin = 0; bin < bins; ++bin) {
             starts[bin] = total;
             total += s.counts[bin];
@@ -1108,19 +1083,29 @@ struct Binner {
         }
         starts[bins] = total;
         for (int i = 0; i < s.used; ++i)
-            entries[s.counts[s.where[i] >> shift]++] = Entry { s.where[i], s.depth[i], s.face[i] };
+            entries[s.counts[s.where[i]]++] = s.face[i];
     }
 };
 
 // ---------------------------------------------------------------- one bin of the picture
 
-// Draws what the chunks left for a bin.
+// Draws what the chunks left for a bin. Which arithmetic draws a triangle depends on nothing but the triangle and the
+// picture's size, so that neither the order nor the company of triangles changes a bit.
 struct Tile {
+    enum { Fragments = 8 * Batch::SmallSide * Batch::SmallSide };
+
     Target target;
     Bins bins;
-    int cull;
+    int cull;            // -1, 0 or 1: the sign of D that is not drawn
     int column, row;     // of the bin
     int x0, y0, x1, y1;  // its pixels
+    Mesh mesh;           // of the draw that was looked at last, whose faces are [mesh.first, last)
+    int last;
+    int waiting;         // faces of that mesh, to be drawn together
+    int faces[8];
+    // Fragments of eight small triangles, eight more than there can be.
+    int where[Fragments + 8];
+    unsigned long long keys[Fragments + 8];
 
     RASTER_FN void make(Tile& t, const Bins& bins, int bin, int cull, unsigned long long* keys)
     {
@@ -1135,15 +1120,27 @@ struct Tile {
         t.target.keys = keys;
         t.target.x0 = t.x0, t.target.y0 = t.y0, t.target.pitch = side;
         t.target.width = bins.width, t.target.height = bins.height;
+        t.mesh.first = t.last = t.waiting = 0;
         for (int pixel = 0; pixel < side * (t.y1 - t.y0 + 1); ++pixel)
             keys[pixel] = ~0ull;
     }
 
-    RASTER_FN void draw(const Tile& tile, const Mesh& mesh, int face)
+    // Makes the mesh of a face of the picture the tile's.
+    RASTER_FN void look_at(Tile& tile, const Task& task, int face)
+    {
+        if (face >= tile.mesh.first && face < tile.last)
+            return;
+        draw_waiting(tile);
+        int draw = Mesh::owner(task, face);
+        Mesh::make(tile.mesh, task, draw);
+        tile.last = Mesh::last(task, draw);
+    }
+
+    RASTER_FN void draw(const Tile& tile, int face)
     {
         float clip[12];
         Triangle t;
-        Mesh::triangle(mesh, face - mesh.first, clip);
+        Mesh::triangle(tile.mesh, face - tile.mesh.first, clip);
         Triangle::make(t, clip, tile.bins.width, tile.bins.height);
         if (t.orientation == 0 || t.orientation == tile.cull)
             return;
@@ -1154,27 +1151,111 @@ struct Tile {
             Fill::draw(fill, tile.target);
     }
 
-    RASTER_FN void draw_entries(const Tile& tile, const Mesh& mesh, const Entry* entry, const Entry* end)
+    RASTER_FN void draw_entries(Tile& tile, const Task& task, const int* face, const int* end)
     {
-        unsigned within = (1u << 2 * tile.bins.shift) - 1u;
-        for (; entry < end; ++entry) {
-            if (entry->depth == Entry::Whole)
-                draw(tile, mesh, entry->face);
+        for (; face < end; ++face) {
+            bool small = *face >= 0;
+            int number = small ? *face : ~*face;
+            look_at(tile, task, number);
+            if (small)
+                tile.faces[tile.waiting++] = number - tile.mesh.first;
             else
-                Target::write(
-                    tile.target, (int)(entry->where & within),
-                    (unsigned long long)(entry->depth) << 32 | (unsigned)(entry->face));
+                draw(tile, number);
+            if (tile.waiting == 8)
+                draw_waiting(tile);
         }
     }
 
-    RASTER_FN void draw_larges(const Tile& tile, const Mesh& mesh, const Large* large, int count)
+    RASTER_FN void draw_larges(Tile& tile, const Task& task, const Large* large, int count)
     {
         unsigned column = (unsigned)(tile.column), row = (unsigned)(tile.row);
         for (int i = 0; i < count; ++i) {
             const Large& l = large[i];
-            if ((l.low & 0xffff) <= column && (l.high & 0xffff) >= column && l.low >> 16 <= row && l.high >> 16 >= row)
-                draw(tile, mesh, l.face);
+            if ((l.low & 0xffff) > column || (l.high & 0xffff) < column || l.low >> 16 > row || l.high >> 16 < row)
+                continue;
+            look_at(tile, task, l.face);
+            draw(tile, l.face);
         }
+    }
+
+    // Small triangles together, a lane each.
+    RASTER_FN void draw_waiting(Tile& tile)
+    {
+        if (!tile.waiting)
+            return;
+        Corners corners = {};
+        int present = (1 << tile.waiting) - 1;
+        for (; tile.waiting < 8; ++tile.waiting)
+            tile.faces[tile.waiting] = 0;
+        tile.waiting = 0;
+        Corners::load(corners, tile.mesh, tile.faces, present);
+        Batch b;
+        Batch::make(b, corners, present);
+        Batch::project(b, (double)(tile.bins.width), (double)(tile.bins.height));
+        Batch::set_up(b, tile.cull);
+        draw_small(tile, b);
+    }
+
+    RASTER_FN void draw_small(Tile& tile, const Batch& t)
+    {
+        if (!t.small)
+            return;
+        Double8 scale = 1.0 / __builtin_elementwise_abs(t.area);
+        Double8 z1 = (t.z[1] - t.z[0]) * scale, z2 = (t.z[2] - t.z[0]) * scale;
+        Double8 depth = Wide::fma(t.edge[1], z1, Wide::fma(t.edge[2], z2, t.z[0]));
+        Double8 depth_a = Wide::fma(t.across[1], z1, t.across[2] * z2);
+        Double8 depth_b = Wide::fma(t.down[1], z1, t.down[2] * z2);
+
+        // Columns and rows of the box that lie in the tile, counted from the corner pixel.
+        Double8 left = Wide::larger((double)(tile.x0) - t.low_x, Double8(0.0));
+        Double8 top = Wide::larger((double)(tile.y0) - t.low_y, Double8(0.0));
+        Double8 columns = Wide::smaller(t.high_x, Double8((double)(tile.x1))) - t.low_x + 1.0 - left;
+        Double8 rows = Wide::smaller(t.high_y, Double8((double)(tile.y1))) - t.low_y + 1.0 - top;
+        Int8 x0 = __builtin_convertvector(t.low_x + left, Int8), y0 = __builtin_convertvector(t.low_y + top, Int8);
+        Int8 first = (y0 - tile.y0) * tile.target.pitch + (x0 - tile.x0);
+        Long8 chosen = __builtin_convertvector(Wide::mask(t.small), Long8);
+        int most_columns = (int)(__builtin_reduce_max(chosen ? columns : Double8(0.0)));
+        int most_rows = (int)(__builtin_reduce_max(chosen ? rows : Double8(0.0)));
+        Keys8 face = __builtin_convertvector(*(const Int8*)(tile.faces) + tile.mesh.first, Keys8);
+        int used = 0;
+        for (int row = 0; row < most_rows; ++row) {
+            Double8 j = top + (double)(row);
+            Double8 e[3];
+            for (int k = 0; k < 3; ++k)
+                e[k] = Wide::fma(j, t.down[k], t.edge[k]);
+            Double8 depth_row = Wide::fma(j, depth_b, depth);
+            int reached = t.small & Wide::bits((double)(row) < rows);
+            for (int column = 0; column < most_columns; ++column) {
+                Double8 i = left + (double)(column);
+                Double8 least = Wide::smaller(Wide::fma(i, t.across[0], e[0]), Wide::fma(i, t.across[1], e[1]));
+                least = Wide::smaller(least, Wide::fma(i, t.across[2], e[2]));
+                int here = reached & Wide::bits((double)(column) < columns);
+                int covered = here & Wide::bits(least > Batch::doubt());
+                int doubtful = here & ~covered & Wide::bits(least > -Batch::doubt());
+                for (; doubtful; doubtful &= doubtful - 1) {
+                    int lane = __builtin_ctz(doubtful);
+                    covered |= (int)(covers(tile, tile.faces[lane], x0[lane] + column, y0[lane] + row)) << lane;
+                }
+                Double8 precise = Wide::fma(i, depth_a, depth_row);
+                precise = Wide::smaller(Wide::larger(precise, Double8(-1.0)), Double8(1.0));
+                Unsigned8 ordered = Target::ordered(__builtin_convertvector(precise, Float8));
+                Wide::pick(tile.where + used, covered, first + (row * tile.target.pitch + column));
+                Wide::pick(tile.keys + used, covered, __builtin_convertvector(ordered, Keys8) << 32 | face);
+                used += __builtin_popcount(covered);
+            }
+        }
+        for (int i = 0; i < used; ++i)
+            Target::write(tile.target, tile.where[i], tile.keys[i]);
+    }
+
+    RASTER_FN bool covers(const Tile& tile, int face, int x, int y)
+    {
+        float clip[12];
+        Triangle t;
+        Mesh::triangle(tile.mesh, face, clip);
+        Triangle::make(t, clip, tile.bins.width, tile.bins.height);
+        return t.orientation != 0
+            && Triangle::covers(t, Triangle::column(tile.bins.width, x), Triangle::row(tile.bins.height, y));
     }
 
     // The picture as users have it: misses marked, and perspective-correct barycentrics of the faces that are left.
@@ -1225,12 +1306,18 @@ struct Tile {
         Corners corners = {};
         int faces[8], wanted = hits;
         *(Int8*)(faces) = face;
+        int common = faces[__builtin_ctz(hits)];
+        if (!(hits & ~Wide::bits(__builtin_convertvector(face == common, Long8)))) {
+            Mesh mesh;
+            Mesh::make(mesh, task, Mesh::owner(task, common));
+            Corners::load(corners, mesh, common - mesh.first);
+            hits = 0;
+        }
         while (hits) {
             int draw = Mesh::owner(task, faces[__builtin_ctz(hits)]);
             Mesh mesh;
             Mesh::make(mesh, task, draw);
-            int last = draw + 1 < task.first_face.shape[0] ? task.first_face.data[draw + 1] : 0x7fffffff;
-            int local[8], same = 0;
+            int last = Mesh::last(task, draw), local[8], same = 0;
             for (int lane = 0; lane < 8; ++lane) {
                 local[lane] = faces[lane] - mesh.first;
                 same |= (int)(faces[lane] >= mesh.first && faces[lane] < last) << lane;
@@ -1279,19 +1366,14 @@ struct Tile {
         Bins::make(bins, task);
         Tile tile;
         make(tile, bins, bin, task.cull, keys);
-        int bin_count = bins.columns * bins.rows, draw = -1;
-        Mesh mesh;
+        int bin_count = bins.columns * bins.rows;
         for (int chunk = 0; chunk < task.chunks.shape[0]; ++chunk) {
             const int* starts = task.starts.data + (long long)(bin_count + 1) * chunk + bin;
-            int larges = task.large_counts.data[chunk];
-            if (starts[0] == starts[1] && larges == 0)
-                continue;
-            if (task.chunks.data[3 * chunk] != draw)
-                Mesh::make(mesh, task, draw = task.chunks.data[3 * chunk]);
-            const Entry* entries = (const Entry*)(task.entries.data) + (long long)(Binner::Room) * chunk;
-            draw_entries(tile, mesh, entries + starts[0], entries + starts[1]);
-            draw_larges(tile, mesh, (const Large*)(entries) + Binner::Entries, larges);
+            const int* entries = task.entries.data + (long long)(Binner::Room) * chunk;
+            draw_entries(tile, task, entries + starts[0], entries + starts[1]);
+            draw_larges(tile, task, (const Large*)(entries + Binner::Entries), task.large_counts.data[chunk]);
         }
+        draw_waiting(tile);
         finish(tile, task);
     }
 

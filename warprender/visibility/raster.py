@@ -24,8 +24,8 @@ from ..launch import launch, thread_count
 
 #: Pixels along a side of the picture, at most: the error bounds of raster.h count on it.
 LARGEST_SIDE = 16384
-#: Triangles in a chunk, entries that it may leave in bins, and bins at most: `Binner` in raster.h.
-_CHUNK, _ROOM, _MOST_BINS = 2048, 16384, 1024
+#: Triangles in a chunk, integers that it may leave for bins, and bins at most: `Binner` in raster.h.
+_CHUNK, _ROOM, _MOST_BINS = 2048, 14336, 1024
 _SMALLEST_SHIFT = 6
 #: Rows that the painter draws in one item: `Painter` in raster.h.
 _BAND_ROWS = 16
@@ -64,10 +64,11 @@ class Triangles:
 class RasterTask:
     """One picture of a `DrawList`: draw d shows `meshes[mesh[d]]`, moved by `matrices[d]` where it has points.
 
-    `chunks` (C, 3) has draw, first face and number of faces. A chunk leaves `_ROOM` `entries`, sorted by bin; bin b
-    has those from `starts[b]` on, of (C, bins + 1); the last `_CHUNK` of them are its `large_counts` triangles that lie
-    over many bins. `faults` is a face with an index out of range, or -1. `taken` counts the chunks and the bins that
-    threads have taken. `keys` has the nearest fragments of a bin for each thread.
+    `chunks` (C, 3) has the draw of its first face, that face's number in the picture, and how many faces follow. A
+    chunk has `_ROOM` integers of `entries`: face numbers sorted by bin, of which bin b has those from `starts[b]` on,
+    of (C, bins + 1); then its `large_counts` triangles that lie over many bins. `faults` is a face with an index out
+    of range, or -1. `taken` counts the chunks and the bins that threads have taken. `keys` has the nearest fragments
+    of a bin for each thread.
 
     On CUDA `keys` has the nearest fragments of the picture, `entries` the large triangles, `taken` of them. `order` is
     the painter's.
@@ -82,7 +83,7 @@ class RasterTask:
     height: wp.int32
     cull: wp.int32
     shift: wp.int32
-    entries: wp.array(dtype=wp.vec3i)
+    entries: wp.array(dtype=wp.int32)
     starts: wp.array(dtype=wp.int32)
     large_counts: wp.array(dtype=wp.int32)
     faults: wp.array(dtype=wp.int32)
@@ -203,7 +204,7 @@ def rasterize(
     device = _device_of(clip_positions, indices, device)
     triangles = Triangles()
     triangles.clip = _positions(clip_positions, device)
-    triangles.indices = _indices(indices, device)
+    triangles.indices = index_array(indices, device)
     return DrawList([triangles], [0], device).rasterize(width, height, threads, cull)
 
 
@@ -231,13 +232,14 @@ class DrawList:
         if faces.sum() >= 2**31 - 1:
             raise ValueError(f"{faces.sum()} triangles are more than one picture has face numbers for")
         self._face_count = int(faces.sum())
-        self.first_face = wp.array((np.cumsum(faces) - faces).astype(np.int32), dtype=wp.int32, device=self.device)
+        first_face = np.cumsum(faces) - faces
+        self.first_face = wp.array(first_face.astype(np.int32), dtype=wp.int32, device=self.device)
         self.matrices = wp.zeros(len(self._mesh), wp.mat44d, device=self.device)
         self._task = task = RasterTask()
         task.meshes = wp.array(self._meshes, dtype=Triangles, device=self.device)
         task.mesh = wp.array(self._mesh, dtype=wp.int32, device=self.device)
         task.first_face, task.matrices = self.first_face, self.matrices
-        task.chunks = wp.array(_chunks(faces), dtype=wp.int32, device=self.device)
+        task.chunks = wp.array(_chunks(first_face, self._face_count), dtype=wp.int32, device=self.device)
 
     def rasterize(
         self, width: int, height: int, threads: int | None = None, cull: str = "none", into: Raster | None = None
@@ -306,7 +308,7 @@ class DrawList:
     def _draw_by_keys(self) -> None:
         task, pixels = self._task, self._task.width * self._task.height
         self._prepare_keys()
-        task.entries = wp.empty(self._face_count, wp.vec3i, device=self.device)
+        task.entries = wp.empty(3 * self._face_count, wp.int32, device=self.device)
         task.taken = wp.zeros(1, wp.int32, device=self.device)
         for kernel, count in zip(_keyed_kernels(), (self._face_count, pixels, pixels), strict=True):
             launch(kernel, count, [task], self.device, threads=1)
@@ -363,7 +365,7 @@ def _borrowed(chunks: int, starts: int, keys: int) -> Iterator[tuple[wp.array, .
     scratch = _idle.pop() if _idle else None
     if scratch is None or len(scratch[2]) < chunks or len(scratch[1]) < starts or len(scratch[4]) < keys:
         scratch = (
-            wp.empty(chunks * _ROOM, wp.vec3i, device="cpu"),
+            wp.empty(chunks * _ROOM, wp.int32, device="cpu"),
             wp.empty(starts, wp.int32, device="cpu"),
             wp.empty(chunks, wp.int32, device="cpu"),
             wp.empty(chunks, wp.int32, device="cpu"),
@@ -376,13 +378,11 @@ def _borrowed(chunks: int, starts: int, keys: int) -> Iterator[tuple[wp.array, .
             _idle.append(scratch)
 
 
-def _chunks(faces: np.ndarray) -> np.ndarray:
-    """(C, 3) int32: draw, first face in it, number of faces."""
-    per_draw = -(-faces // _CHUNK)
-    draw = np.repeat(np.arange(len(faces)), per_draw)
-    nth = np.arange(len(draw)) - np.repeat(np.cumsum(per_draw) - per_draw, per_draw)
-    first = nth * _CHUNK
-    return np.stack([draw, first, np.minimum(faces[draw] - first, _CHUNK)], 1).astype(np.int32).reshape(-1, 3)
+def _chunks(first_face: np.ndarray, faces: int) -> np.ndarray:
+    """(C, 3) int32: the draw of the chunk's first face, that face, number of faces."""
+    first = np.arange(0, faces, _CHUNK)
+    draw = np.searchsorted(first_face, first, "right") - 1
+    return np.stack([draw, first, np.minimum(faces - first, _CHUNK)], 1).astype(np.int32).reshape(-1, 3)
 
 
 def _device_of(positions: np.ndarray | wp.array, indices: np.ndarray | wp.array, device: object) -> wp.Device:
@@ -404,7 +404,8 @@ def _positions(positions: np.ndarray | wp.array, device: wp.Device) -> wp.array:
     return positions.contiguous().to(device)
 
 
-def _indices(indices: np.ndarray | wp.array, device: wp.Device) -> wp.array:
+def index_array(indices: np.ndarray | wp.array, device: wp.Device) -> wp.array:
+    """(3 F,) int32 on the device; ValueError for another shape or type."""
     shape = tuple(indices.shape if isinstance(indices, wp.array) else np.shape(indices))
     if len(shape) not in (1, 2) or (len(shape) == 2 and shape[1] != 3) or int(np.prod(shape)) % 3:
         raise ValueError(f"indices must have shape (F, 3) or (3 F,), not {shape}")

@@ -566,6 +566,9 @@ struct Wide {
                 p[i][a] = block.corner[i][a][k];
     }
 
+    // Whether a tree's root holds one leaf and no more; empty slots refer to the root.
+    WR_FN bool is_leaf(const Node& root) { return root.child[0] < 0 && root.child[1] == 0; }
+
     // any: stop at the first hit that counts.
     static __attribute__((noinline)) void trace(const Node* nodes, const Block* blocks, int instance, const Lane& ray,
         bool any, Answer& best)
@@ -871,7 +874,7 @@ struct Geometry {
 struct Instance {
     float to_object[3][4], to_world[3][4];
     int geometry;
-    int placed;  // 0: to_object is the identity
+    int placed;  // 0: to_object is the identity, 3: it only moves; records.MOVED
 };
 struct World {
     const Geometry* geometries;
@@ -888,6 +891,14 @@ struct World {
     WR_FN bool enter(const Lane& ray, const Instance& place, Lane& local)
     {
         float m = 0.0f, check = 0.0f;
+        if (place.placed == 3) {
+            local = ray;
+            for (int k = 0; k < 3; ++k) {
+                local.o[k] = ray.o[k] + place.to_object[k][3];
+                check += local.o[k] - local.o[k];
+            }
+            return check == 0.0f;
+        }
         for (int k = 0; k < 3; ++k) {
             const float* row = place.to_object[k];
             local.o[k] = row[0] * ray.o[0] + row[1] * ray.o[1] + row[2] * ray.o[2] + row[3];
@@ -909,8 +920,15 @@ struct World {
         else if (g.mesh)
             Binary::trace(wp::mesh_get(g.mesh), instance, ray, any, best);
 #else
-        else if (g.nodes)
-            Wide::trace((const Wide::Node*)(g.nodes), (const Wide::Block*)(g.blocks), instance, ray, any, best);
+        else if (g.nodes) {
+            const Wide::Node* root = (const Wide::Node*)(g.nodes);
+            const Wide::Block* blocks = (const Wide::Block*)(g.blocks);
+            // Where the instance's box is that of the only leaf, the leaf's own tells nothing new.
+            if (Wide::is_leaf(*root))
+                Wide::leaf(blocks + ~root->child[0], instance, ray, best);
+            else
+                Wide::trace(root, blocks, instance, ray, any, best);
+        }
 #endif
     }
     WR_FN void visit(const World& w, int i, const Lane& ray, bool any, Answer& best)

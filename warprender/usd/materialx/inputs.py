@@ -1,9 +1,9 @@
 """What a network gives a surface's input: a constant, a texture, a primvar, or a picture that is made of it.
 
 Arithmetic on one picture that is linear in its channels becomes the scale and bias of a `Texture`, arithmetic on
-coordinates its transform. Both are found by evaluating the network: a linear function is known by its values at a
-few places, and checked at many more. Other arithmetic on one picture is done texel by texel. What is left is baked
-over st in [0, 1].
+coordinates its transform, linear arithmetic on one primvar the matrix of its `PrimvarReader`. All are found by
+evaluating the network: a linear function is known by its values at a few places, and checked at many more. Other
+arithmetic on one picture is done texel by texel. What is left is baked over st in [0, 1].
 """
 
 from __future__ import annotations
@@ -105,9 +105,13 @@ class _Input:
         matrix = self._affine(self.function, leaf, -np.ones(leaf.width), np.ones(leaf.width))
         if matrix is not None and not matrix[:, :-1].any():
             return self._constant(matrix[:, -1:].T)
-        if matrix is None or not np.allclose(matrix, np.eye(self.width, leaf.width + 1), atol=1e-6):
+        if matrix is None:
             return None
-        return self._reader(leaf)
+        if np.allclose(matrix, np.eye(self.width, leaf.width + 1), atol=1e-6):
+            return self._reader(leaf)
+        fallback = matrix @ np.append(np.resize(np.append(leaf.fallback, np.zeros(leaf.width)), leaf.width), 1.0)
+        rows = tuple(tuple(map(float, row)) for row in matrix)
+        return replace(self._reader(leaf), fallback=tuple(map(float, fallback)), matrix=rows)
 
     def _reader(self, leaf: PrimvarLeaf) -> PrimvarReader:
         self.reading.primvars.setdefault(leaf.name, None)

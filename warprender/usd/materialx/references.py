@@ -2,7 +2,7 @@
 
 Where a prim refers to one, an opinion in a session layer adds a reference to the layer that stands for the document.
 Inside instances such an opinion counts only where it comes with the instance itself, so there it is written into a
-layer that the instance refers to, in all its copies alike.
+layer that the instance refers to, in all its copies alike, and so on where these lie in instances.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def resolved_stage(stage: Usd.Stage) -> tuple[Usd.Stage, list[str]]:
         if asset not in layers:
             layers[asset] = _layer(asset, lines)
         if layers[asset] is not None:
-            _refer(overlay, layers, prim, layers[asset].identifier, target)
+            _refer(overlay, layers, prim, Sdf.Reference(layers[asset].identifier, target))
     if not any(layers.values()):
         return stage, lines
     session = Sdf.Layer.CreateAnonymous("session.usda")
@@ -69,22 +69,22 @@ def _references(stage: Usd.Stage) -> Iterator[tuple[Usd.Prim, str, Sdf.Path]]:
                     yield prim, str(Ar.GetResolver().Resolve(asset)) or asset, arc.primPath or Sdf.Path(ROOT)
 
 
-def _refer(overlay: Sdf.Layer, layers: dict, prim: Usd.Prim, layer: str, target: Sdf.Path) -> None:
-    """Add a reference to a prim, or to all instances that share it."""
-    instance = prim
-    while instance and not instance.IsInstance():
-        instance = instance.GetParent()
-    reference = Sdf.Reference(layer, target)
-    if not instance or instance == prim:
+def _refer(overlay: Sdf.Layer, layers: dict, prim: Usd.Prim, reference: Sdf.Reference) -> None:
+    """Add a reference to a prim, or to all instances that share it; these may lie in instances themselves."""
+    if prim.IsInstanceProxy():
+        prim = prim.GetPrimInPrototype()
+    if not prim.IsInPrototype():
         _append(overlay, prim.GetPath(), reference)
         return
-    key = f"instances of {instance.GetPrototype().GetPath()}"
+    prototype = prim
+    while not prototype.IsPrototype():
+        prototype = prototype.GetParent()
+    key = f"instances of {prototype.GetPath()}"
     if key not in layers:
         layers[key] = Sdf.Layer.CreateAnonymous("instance.usda")
-        for copy in instance.GetPrototype().GetInstances():
-            _append(overlay, copy.GetPath(), Sdf.Reference(layers[key].identifier, "/Instance"))
-    inside = prim.GetPath().ReplacePrefix(instance.GetPath(), Sdf.Path("/Instance"))
-    _append(layers[key], inside, reference)
+        for copy in prototype.GetInstances():
+            _refer(overlay, layers, copy, Sdf.Reference(layers[key].identifier, "/Instance"))
+    _append(layers[key], prim.GetPath().ReplacePrefix(prototype.GetPath(), Sdf.Path("/Instance")), reference)
 
 
 def _append(layer: Sdf.Layer, path: Sdf.Path, reference: Sdf.Reference) -> None:
