@@ -40,7 +40,7 @@ def test_a_path_names_one_thing():
     ("options", "said"),
     [
         ({"outputs": ()}, "none is asked for"),
-        ({"outputs": "colour"}, "output 'colour' is not one of color, depth"),
+        ({"outputs": "colour"}, "output 'colour' is not one of color, color:0, color:1, …, depth"),
         ({"transport": "none"}, "transport 'none' gives no color"),
     ],
 )

@@ -57,6 +57,7 @@ def recorder(monkeypatch, tmp_path) -> Recorder:
     monkeypatch.setattr(warprender, "StageReader", recorder.stage_reader, raising=False)
     monkeypatch.setattr(warprender, "Renderer", recorder.renderer, raising=False)
     monkeypatch.setattr(framing, "choose_camera", recorder.choose_camera)
+    monkeypatch.setattr(framing, "choose_camera_path", lambda scene, name=None: "")
     monkeypatch.chdir(tmp_path)
     return recorder
 

@@ -6,15 +6,16 @@ The path tracer is compiled for a plain key: with every effect compiled in, CUDA
 import pytest
 import warp as wp
 
-from warprender import bodies
+from warprender import bodies, sensors
 from warprender.film import _resolve_kernel
 from warprender.gonioreflectometer import measure_kernel
 from warprender.integrators import RADIANCE
 from warprender.integrators.none import outputs_kernel
 from warprender.integrators.samples import samples_kernel
+from warprender.integrators.views import ViewKey, views_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
-from warprender.visibility import first_hits, placing, trees
+from warprender.visibility import first_hits, placing, trees, view_raster
 from warprender.visibility.attributes import _kernel as interpolate_kernel
 
 CAMERA = ("perspective",)
@@ -23,6 +24,11 @@ PLAIN = PathKey(("Mesh", "Sphere"), ("DisplayColor",), ("RectLight",), (), CAMER
 
 def all_outputs():
     return outputs_kernel(OutputsKey(PLAIN.shapes, PLAIN.materials, CAMERA, tuple(sorted(OUTPUTS)), False))
+
+
+def views(found_by, transport="local", worlds=True):
+    outputs = OutputsKey(PLAIN.shapes, PLAIN.materials, CAMERA, ("cameraDepth", "semantic"), False)
+    return views_kernel(ViewKey(PLAIN, outputs, transport, found_by, worlds, True, True, False, True), None)
 
 
 GLASS = PathKey(
@@ -36,6 +42,11 @@ FAMILIES = {
     "outputs": all_outputs,
     "rasterized": lambda: samples_kernel(CAMERA, (), RADIANCE["local"](PLAIN), True),
     **{name: lambda f=function: samples_kernel(CAMERA, (), f(PLAIN)) for name, function in RADIANCE.items()},
+    "views by rays": lambda: views("rays", "direct"),
+    "views by raster": lambda: views("raster", worlds=False),
+    "views by a table": lambda: views("table"),
+    "places of views": lambda: sensors._place_single,
+    "matrices of a view": lambda: view_raster._view_matrices,
     "poses": lambda: bodies._store_single,
     "placing": lambda: placing._place_instances,
     "box of a mesh": lambda: trees._mesh_box,

@@ -14,7 +14,7 @@ What there is, by what it is for; `help(warprender.Scene)` and so on say what go
     materials      PreviewSurface, DisplayColor, Dielectric, Phong, MeasuredBRDF; Texture and PrimvarReader for inputs
     lights         Light (what all have), SphereLight, RectLight, DiskLight, CylinderLight, DistantLight, DomeLight,
                    PortalLight, MeshLight, CameraLight; Shaping, Shadow, IesProfile, LightTexture
-    in a loop      CameraSensor (many views, on the device), LidarSensor
+    in a loop      CameraSensor (many views, on the device), LidarSensor, from_newton (a Newton model)
     measured BRDFs measure_brdf, BrdfTable
     without scenes RayCaster (rays against one mesh), rasterize, Raster, interpolate
     test suites    warprender.testing.assert_images_agree
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         SphereLight,
     )
     from .materials import BrdfTable, Dielectric, DisplayColor, MeasuredBRDF, Phong, PreviewSurface
+    from .newton import from_newton
     from .plan import RenderPlan
     from .renderer import Renderer, render
     from .scene import Scene, SceneError
@@ -98,6 +99,7 @@ _HOMES = {
     "SphereLight": "lights",
     "StageReader": "usd",
     "Texture": "textures",
+    "from_newton": "newton",
     "interpolate": "visibility.attributes",
     "load": "usd",
     "measure_brdf": "gonioreflectometer",
@@ -139,6 +141,7 @@ __all__ = [
     "SphereLight",
     "StageReader",
     "Texture",
+    "from_newton",
     "interpolate",
     "load",
     "measure_brdf",
