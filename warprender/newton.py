@@ -121,6 +121,12 @@ def from_newton(model: object) -> NewtonScene:
 
     Shapes that Newton hides are left out; kinds that are not drawn are named in `scene.warnings`. Lights and cameras
     are the caller's to add. After each step of the simulation call `sync(state)`, then update renderers and sensors.
+
+    Args:
+        model: a finalized `newton.Model`. Its lengths are the scene's units.
+
+    Returns:
+        The scene and what keeps it in step.
     """
     return NewtonScene(model)
 
