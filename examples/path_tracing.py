@@ -1,4 +1,4 @@
-"""Path tracing as films use it: rough and clear glass, rough metal that keeps its light, a lamp, a sky, a wide lens.
+"""Path tracing as films use it: rough and clear glass, rough metal that keeps its light, a wide lens, an open shutter.
 
 python examples/path_tracing.py --out path_tracing.png
 """

@@ -15,7 +15,6 @@ CASES = tuple(f"{letter}{n}" for letter, count in CHAPTERS.items() for n in rang
 ABSENT = {
     "A3": "means of pictures with a small bright light behind glass are held against closed forms in "
     "tests/test_pictures_glass.py, not against a run 100 times as long",
-    "M6": "a shutter of no length is tested with motion blur",
     "M7": "no kernel divides by, or indexes with, a number from outside unchecked: what a scene may hold is refused or "
     "repaired before (I16, U1 and U5)",
 }

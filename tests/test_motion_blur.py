@@ -267,7 +267,7 @@ def test_the_stated_error_is_the_true_one():
     assert 0.5 < np.mean(stated) / np.mean(true) < 2.0
 
 
-def test_a_shutter_of_no_time_costs_nothing():
+def test_M6_a_shutter_of_no_time_costs_nothing():
     scene, camera = slide(closes=0.0)
 
     def never(time):

@@ -96,7 +96,8 @@ def test_the_worst_corner_and_the_front():
 
 
 def study(folder, *flags):
-    return main(["study", BOX, str(folder), "-w", "16", "--samples", "16", "--pictures", "2", *flags])
+    size = ["-w", "16", "--samples", "16", "--bounces", "2", "--pictures", "2"]
+    return main(["study", BOX, str(folder), *size, *flags])
 
 
 class TestCommand:

@@ -98,11 +98,13 @@ class Mitsuba:
         """Picture (H, W, 3) float64; the first of each number of samples is drawn twice, to have it compiled."""
         for _ in range(1 if samples in self.warm else 2):
             print(samples, seed, file=self.process.stdin, flush=True)
-            answer = self.process.stdout.readline()
+            answer = "remark"
+            while answer and "took " not in answer:
+                answer = self.process.stdout.readline()
             if not answer:
                 raise RuntimeError("Mitsuba ended; see its message above")
         self.warm.add(samples)
-        processor, clock = map(float, answer.split())
+        processor, clock = map(float, answer.split("took ")[1].split())
         return np.load(self.folder / "picture.npy").astype(np.float64), processor, clock
 
     def close(self) -> None:

@@ -2,7 +2,8 @@
 
 python mitsuba_timed.py SCENE.json FOLDER SAMPLER DEPTH THREADS
 
-Each line is "SAMPLES SEED". The picture goes to FOLDER/picture.npy, seconds of processor and of clock to stdout.
+Each line is "SAMPLES SEED". The picture goes to FOLDER/picture.npy, and "took", seconds of processor and of clock to
+stdout, where Mitsuba's remarks go too.
 """
 
 import json
@@ -47,7 +48,7 @@ def main(file: Path, folder: Path, sampler: str, depth: int, threads: int) -> No
         )
         processor, clock = time.process_time() - processor, time.perf_counter() - clock
         np.save(folder / "picture.npy", picture[..., :3])
-        print(processor, clock, flush=True)
+        print("took", processor, clock, flush=True)
 
 
 if __name__ == "__main__":

@@ -18,8 +18,8 @@ import numpy as np
 import warp as wp
 
 from ..materials.microfacet import ggx_density
-from ..numerics import is_finite, safe_normalize
-from ..sampling import one_minus_cos
+from ..numerics import is_finite, safe_normalize, tangent_of
+from ..sampling import one_minus_cos, sample_stream
 from ..visibility.rays import RayCaster
 
 _RAYS = 100_000
@@ -183,6 +183,36 @@ def _long_sums() -> Case:
     )
 
 
+def _frames_about_minus_z() -> Case:
+    rng = np.random.default_rng(2)
+    n = np.concatenate([[(0, 0, -1)], rng.normal(0, 1e-4, (999, 3)) + (0, 0, -1)])
+    n = (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(np.float32)
+    plain, ours = _formulas(n, np.ones(len(n), np.float32))[8:10]
+    worst = [_worst(v, np.ones(len(v))) for v in (plain, ours)]
+    return Case(
+        "S8",
+        "length of a tangent about 1000 normals near −Z",
+        f"relative error {worst[0]}: Frisvad's 1 / (1 + z)",
+        f"relative error {worst[1]}: Duff et al.",
+        "one sign",
+    )
+
+
+def _shared_streams() -> Case:
+    count = 1 << 20
+    states = [wp.zeros(count, dtype=t, device="cpu") for t in (wp.uint32, wp.uint32, wp.uint64, wp.uint64)]
+    wp.launch(_streams_kernel(), count, states, device="cpu")
+    values = [array.numpy() for array in states]
+    shared = [len(np.intersect1d(a, b)) for a, b in (values[:2], values[2:])]
+    return Case(
+        "A4",
+        f"random streams that {count} pixels of two seeds have in common",
+        f"{shared[0]} (`wp.rand_init`: 32 bits)",
+        f"{shared[1]} (64 bits)",
+        "a wider hash",
+    )
+
+
 def _far_from_the_origin() -> Case:
     rng = np.random.default_rng(0)
     near = rng.uniform(-1, 1, (1000, 3))
@@ -202,7 +232,7 @@ def _far_from_the_origin() -> Case:
 
 _CASES = (
     _rays_at_vertices, _rays_at_edges, _tiny_components, _narrow_lobes, _small_lights, _lengths_beyond_squares,
-    _long_sums, _hidden_nan, _far_from_the_origin,
+    _long_sums, _hidden_nan, _far_from_the_origin, _frames_about_minus_z, _shared_streams,
 )  # fmt: skip
 
 
@@ -243,8 +273,8 @@ def _ratio(plain: Callable[[], object], ours: Callable[[], object]) -> str:
 
 
 def _formulas(v: np.ndarray, x: np.ndarray) -> list[np.ndarray]:
-    """Eight columns (N,) float32 in device arithmetic; see the kernel."""
-    columns = [wp.zeros(len(x), dtype=wp.float32, device="cpu") for _ in range(8)]
+    """Ten columns (N,) float32 in device arithmetic; see the kernel."""
+    columns = [wp.zeros(len(x), dtype=wp.float32, device="cpu") for _ in range(10)]
     inputs = [wp.array(v, dtype=wp.vec3, device="cpu"), wp.array(x, dtype=wp.float32, device="cpu")]
     wp.launch(_formulas_kernel(), len(x), [*inputs, *columns], device="cpu")
     return [column.numpy() for column in columns]
@@ -264,6 +294,8 @@ def _formulas_kernel() -> wp.Kernel:
         our_length: wp.array(dtype=wp.float32),
         clamped: wp.array(dtype=wp.float32),
         finite: wp.array(dtype=wp.float32),
+        plain_tangent: wp.array(dtype=wp.float32),
+        our_tangent: wp.array(dtype=wp.float32),
     ):
         i = wp.tid()
         a2 = x[i] * x[i]
@@ -276,8 +308,29 @@ def _formulas_kernel() -> wp.Kernel:
         our_length[i] = wp.length(safe_normalize(v[i]))
         clamped[i] = wp.clamp(v[i][0], 0.0, 1.0)
         finite[i] = wp.where(is_finite(v[i]), 1.0, 0.0)
+        a = 1.0 / (1.0 + v[i][2])
+        plain_tangent[i] = wp.length(wp.vec3(1.0 - v[i][0] * v[i][0] * a, -v[i][0] * v[i][1] * a, -v[i][0]))
+        our_tangent[i] = wp.length(tangent_of(v[i]))
 
     return formulas
+
+
+@cache
+def _streams_kernel() -> wp.Kernel:
+    @wp.kernel(module="unique", enable_backward=False)
+    def streams(
+        plain_0: wp.array(dtype=wp.uint32),
+        plain_1: wp.array(dtype=wp.uint32),
+        ours_0: wp.array(dtype=wp.uint64),
+        ours_1: wp.array(dtype=wp.uint64),
+    ):
+        i = wp.tid()
+        plain_0[i] = wp.rand_init(0, i)
+        plain_1[i] = wp.rand_init(1, i)
+        ours_0[i] = sample_stream(wp.uint32(0), i, 0, 0).key
+        ours_1[i] = sample_stream(wp.uint32(1), i, 0, 0).key
+
+    return streams
 
 
 def _sum(dtype: type, values: np.ndarray, repeats: int) -> float:
