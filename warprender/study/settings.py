@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ..plan import TRANSPORTS, RenderPlan
+from ..plan import ONE_SURFACE, TRANSPORTS, RenderPlan
 from ..renderer import LIGHT_SAMPLINGS, SAMPLERS
 
 #: Bounces that are tried, as far as they are below what the plan follows.
@@ -74,7 +74,8 @@ def _knobs(
     """Knob, value and options of every curve with one knob turned."""
     for name in TRANSPORTS:
         if name not in ("none", plan.transport):
-            yield "transport", name, (("transport", name),)
+            # Those that follow no bounce refuse a number of them.
+            yield "transport", name, (("transport", name), *((("bounces", None),) if name in ONE_SURFACE else ()))
     for bounces in _tried_bounces(plan):
         yield "bounces", str(bounces), (("bounces", bounces),)
     if denoiser:
