@@ -16,7 +16,8 @@ LEVELS = (
     {"scene", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"adaptive", "integrators", "upload", "upload_lights", "upload_glow", "upload_shapes"}
+    {"adaptive", "integrators", "upload", "upload_shapes", "upload_placed"}
+    | {"upload_lights", "upload_light_pictures", "upload_light_tree", "upload_glow"}
     | {"attaching", "checks", "receipt"},
     {"frame", "films", "live", "renderer", "gonioreflectometer"},
     {"usd", "sensors", "newton", "testing", "study", "cli"},
@@ -36,7 +37,12 @@ NEIGHBOURS = {
     ("upload", "upload_lights"),
     ("upload", "upload_shapes"),
     ("upload", "attaching"),
-    ("upload_lights", "upload_shapes"),
+    ("upload", "upload_placed"),
+    ("upload_placed", "upload_shapes"),
+    ("upload_lights", "upload_placed"),
+    ("upload_lights", "upload_light_pictures"),
+    ("upload_lights", "upload_light_tree"),
+    ("upload_light_tree", "upload_glow"),
     ("films", "frame"),
     ("upload_lights", "upload_glow"),
     ("renderer", "frame"),

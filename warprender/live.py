@@ -16,7 +16,7 @@ from .records import DeviceScene
 from .scene import Scene
 from .texels import TEXTURE_BYTES
 from .upload import Upload, rounded_origin
-from .upload_lights import scene_radius
+from .upload_placed import scene_radius
 from .watched import Watched, contents, same
 
 
