@@ -9,11 +9,11 @@ PACKAGE = Path(warprender.__file__).parent
 
 #: Files and folders of the package by level.
 LEVELS = (
-    {"numerics", "sampling", "color", "launch", "watched"},
-    {"records", "images", "denoise", "shutter"},
+    {"numerics", "sampling", "color", "launch", "watched", "errors"},
+    {"records", "images", "denoise", "shutter", "picture_settings"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
-    {"scene", "material_tables"},
+    {"scene", "placement", "scene_arguments", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
     {"adaptive", "integrators", "upload", "upload_shapes", "upload_placed"}
@@ -33,6 +33,8 @@ NEIGHBOURS = {
     ("textures", "texels"),
     ("texture_lookup", "textures"),
     ("texture_lookup", "texels"),
+    ("scene", "placement"),
+    ("scene", "scene_arguments"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
     ("upload", "upload_shapes"),
