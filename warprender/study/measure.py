@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import images
-from ..renderer import FEWEST_FOR_ERROR, Renderer
+from ..renderer import Renderer
+from ..stopping import FEWEST_FOR_ERROR
 from .metrics import differences, flip, flip_available
 from .settings import Setting
 
