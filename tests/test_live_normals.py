@@ -261,5 +261,5 @@ def test_normals_know_no_scale(scale):
 @pytest.mark.parametrize("normals", ["soft", wp.zeros(3, dtype=wp.vec3), wp.zeros(12, dtype=float)])
 def test_bad_normals_are_one_line_that_names_the_prim(normals):
     scene, _ = mesh_of(*sphere(0), normals)
-    with pytest.raises(wr.SceneError, match="^/m: its normals"):
+    with pytest.raises(wr.SceneError, match=r"^/m: its normals"):
         seen(scene)

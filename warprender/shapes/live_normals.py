@@ -128,7 +128,7 @@ def _length(v: wp.vec3) -> float:
 
 @wp.func
 def _carried(normal: wp.vec3, a0: wp.vec3, b0: wp.vec3, a: wp.vec3, b: wp.vec3) -> wp.vec3:
-    """What becomes of an authored normal at a corner with edges a0 and b0 when they come to be a and b; zero if unknown.
+    """What becomes of an authored normal at a corner with edges a0 and b0 when these become a and b; zero if unknown.
 
     The components along the edges are those of a covector, n · a0 = n' · a; across, the triangle stretches as the
     root of its area does.
@@ -170,7 +170,7 @@ def _follow(
         normal = authored[i]
     at_rest = not smooth
     total = wp.vec3(0.0, 0.0, 0.0)
-    unit = float(0.0)
+    unit = wp.float32(0.0)
     for entry in range(starts[i], starts[i + 1]):
         corner = corners[entry]
         triangle = corner - corner % 3

@@ -35,9 +35,7 @@ def corner_tangents(mesh: Mesh, points: np.ndarray, coordinates: np.ndarray) -> 
 
     flat = along[:, None] - normals * np.einsum("tk,tck->tc", along, normals)[..., None]
     weighted = _unit(flat) * corner_angles(corners)[..., None]
-    looks = np.concatenate(
-        [corners, normals, coordinates, np.broadcast_to(sign[:, None, None], (len(sign), 3, 1))], 2
-    )
+    looks = np.concatenate([corners, normals, coordinates, np.broadcast_to(sign[:, None, None], (len(sign), 3, 1))], 2)
     first, group = same_rows(looks.reshape(-1, looks.shape[2]))
     sums = np.stack([np.bincount(group, weighted[..., k].reshape(-1), len(first)) for k in range(3)], 1)
     signs = np.repeat(sign, 3)[first]
