@@ -17,7 +17,7 @@ from .scene import Scene
 from .shapes.mesh import POINTS
 from .texels import TEXTURE_BYTES
 from .upload import Upload, rounded_origin
-from .upload_lights import scene_radius
+from .upload_placed import scene_radius
 from .watched import Watched, contents, same
 
 

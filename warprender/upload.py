@@ -13,7 +13,8 @@ from .records import DeviceScene, GeometryRecord, InstanceRecord, PrimvarRecord,
 from .scene import Placement, Scene, copies_of, materials_of
 from .shapes import Sdf, Sphere
 from .texels import TEXTURE_BYTES
-from .upload_lights import LightUpload, Placed
+from .upload_lights import LightUpload
+from .upload_placed import Placed
 from .upload_shapes import Part, ShapeUpload
 from .visibility.world_tree import WorldTree
 from .watched import Watched
