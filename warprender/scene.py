@@ -116,7 +116,7 @@ class Scene:
         faces: np.ndarray | Sequence,
         material: Material | str | None = None,
         pose: object = None,
-        normals: np.ndarray | None = None,
+        normals: np.ndarray | wp.array | str | None = None,
         color: np.ndarray | Sequence | None = None,
         st: np.ndarray | None = None,
     ) -> Mesh:
@@ -133,7 +133,9 @@ class Scene:
                 displacement moves a copy of the points.
             pose: object to world: `wp.transformf`, seven numbers (position, quaternion xyzw), a (4, 4) matrix for
                 row vectors (p' = p M, translation in the last row), or None for the identity.
-            normals: (N, 3) shading normals in object space, of any length, or None for flat shading.
+            normals: (N, 3) shading normals in object space, of any length, which go along with points that are
+                written in place; a `wp.array(dtype=wp.vec3)` of length N that the caller keeps in step; "smooth" for
+                those of the points as they are; or None for flat shading.
             color: linear Rec.709 reflectance, one (3,) or one for each point (N, 3); None is 0.18 grey. Read only
                 where `material` is None.
             st: (N, 2) texture coordinates, (0, 0) at the lower left corner of a picture.
@@ -154,7 +156,9 @@ class Scene:
         mesh = Mesh.from_polygons(host, counts, indices)
         if isinstance(points, wp.array):
             mesh.points = points
-        if normals is not None:
+        if isinstance(normals, (str, wp.array)):
+            mesh.normals = normals
+        elif normals is not None:
             mesh.normals = vectors_primvar(path, "normals", normals, len(host))
         if color is not None:
             mesh.primvars["displayColor"] = vectors_primvar(path, "color", color, len(host))
