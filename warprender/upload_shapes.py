@@ -81,8 +81,12 @@ class ShapeUpload:
         warnings: one line for each shape with something bad about it.
     """
 
-    def __init__(self, slots: list[Slot], materials: dict[str, int], device: str) -> None:
-        """`slots` are those of the primvars; `materials` has the numbers of materials by key."""
+    def __init__(self, slots: list[Slot], materials: dict[str, int], device: str, keep_meshes: bool = False) -> None:
+        """`slots` are those of the primvars; `materials` has the numbers of materials by key.
+
+        `keep_meshes`: keep each `wp.Mesh` on the CPU too.
+        """
+        self._keep_meshes = keep_meshes
         self._slots, self._materials, self.device = slots, materials, device
         self.warnings: list[str] = []
 
@@ -149,7 +153,7 @@ class ShapeUpload:
             record.normals = mesh.normals.upload(mesh.corners[keep], self.device)
         if mesh.face_materials:
             record.face_material = self._array(self._face_materials(mesh, material), wp.int32)
-        tree = MeshTree(record.points, record.indices)
+        tree = MeshTree(record.points, record.indices, keep_mesh=self._keep_meshes)
         made_from = contents(mesh, _POINTS)
         return Part(path, mesh, made_from, record, tree, [], keep, mesh.stored, tree.dropped)
 
