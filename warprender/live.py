@@ -14,9 +14,10 @@ from .lights import CameraLight, Light, MeshLight
 from .plan import distance_functions
 from .records import DeviceScene
 from .scene import Scene
+from .shapes.mesh import POINTS
 from .texels import TEXTURE_BYTES
 from .upload import Upload, rounded_origin
-from .upload_lights import scene_radius
+from .upload_placed import scene_radius
 from .watched import Watched, contents, same
 
 
@@ -44,7 +45,7 @@ class Look:
         for path, placement in scene.placements.items():
             prims += [path, placement.shape, placement.material, placement.instance_ids, len(placement.transforms)]
             prims.append(placement.semantic)
-            prims += contents(placement.shape, ("stored", "handed_out"))
+            prims += contents(placement.shape, POINTS)
             places += [placement.transforms, placement.visible]
         return cls(prims, places, _entries(scene.materials), _entries(scene.lights))
 

@@ -13,7 +13,8 @@ from .records import DeviceScene, GeometryRecord, InstanceRecord, PrimvarRecord,
 from .scene import Placement, Scene, copies_of, materials_of
 from .shapes import Sdf, Sphere
 from .texels import TEXTURE_BYTES
-from .upload_lights import LightUpload, Placed
+from .upload_lights import LightUpload
+from .upload_placed import Placed
 from .upload_shapes import Part, ShapeUpload
 from .visibility.world_tree import WorldTree
 from .watched import Watched
@@ -81,6 +82,8 @@ class Upload:
         if self._assignments != Watched.assignments:
             # Somebody may have been given the points of another mesh, or have replaced them.
             self._written = [number for number, part in enumerate(self.parts) if part.may_be_written()]
+            if any([self.parts[number].begin_to_follow() for number in self._written]):
+                self._store_geometries()
             self._assignments = Watched.assignments
         changed = set(self._written)
         for number in changed:
@@ -165,9 +168,12 @@ class Upload:
                 part.record.sdf, part.sdf.function = len(records), functions.index(part.shape.kernel_function())
                 records.append(part.sdf)
         self.record.sdfs = self._array(records, SdfRecord)
-        self.record.geometries = self._array([part.record for part in self.parts], GeometryRecord)
+        self._store_geometries()
         those = [number for number, part in enumerate(self.parts) if part.sdf is not None]
         self.record.sdf_instances = self._array(np.flatnonzero(np.isin(self.rows["geometry"], those)), wp.int32)
+
+    def _store_geometries(self) -> None:
+        self.record.geometries = self._array([part.record for part in self.parts], GeometryRecord)
 
     def boxes_for_rays(self) -> np.ndarray:
         """(G, 2, 3) object boxes of the shapes that only rays find, empty ones of the others."""
