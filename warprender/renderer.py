@@ -66,8 +66,8 @@ class Renderer:
             Colour that the rasterizer cannot see (depth of field, paths through what is clear) is made of rays.
         transport: how light gets to the camera. "none": no color, AOVs alone. "local": the first surface's reflection
             of each light, with nothing in the way. "direct": the same with shadows. "whitted": perfect reflection
-            and refraction as well. "path": all light, by path tracing. "auto": "none", "local" or "path", the first
-            that leaves out nothing.
+            and refraction as well. "path": all light, by path tracing. "auto": the cheapest that leaves out nothing
+            that the scene calls for (docs/transports.md).
         device: Warp device, as "cpu" or "cuda:0".
         threads: CPU threads, None for all cores. The picture does not depend on it.
         bounces: reflections followed after the one at the camera's hit, None for as many as matter; 0 is
@@ -429,12 +429,17 @@ class Renderer:
         request = PathRequest()
         request.seed = seed & 0xFFFFFFFF
         request.sobol = int(self._sobol)
-        request.bounces = int(self.plan.bounds["bounces"])
+        self._follow_bounds(request)
         request.unfiltered = int(not self.request.filter_textures)
         request.terms = self._films.last.terms
         request.visible.lights = int(self.request.lights_visible)
         request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
+
+    def _follow_bounds(self, request: PathRequest) -> None:
+        """What the plan's bounds say to the kernel, as they are now."""
+        request.bounces = int(self.plan.bounds["bounces"])
+        request.met = int(self.plan.bounds["lights can be hit"])
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
         """Add samples to the first `pixels`, None for all."""
@@ -460,7 +465,7 @@ class Renderer:
         opens, closes = shutter
         for sample in range(first_sample, first_sample + samples):
             self._go_to(opens + (closes - opens) * shutter_share(request.seed, sample))
-            request.bounces = int(self.plan.bounds["bounces"])
+            self._follow_bounds(request)
             self._pass(request, sample, 1, pixels)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:

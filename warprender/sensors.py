@@ -282,6 +282,7 @@ class Sensor:
         request, path = ViewRequest(), PathRequest()
         path.seed, path.samples = self._seed & 0xFFFFFFFF, self._samples
         path.sobol, path.bounces = int(self._samples > 1), int(self.plan.bounds.get("bounces", 0))
+        path.met = int(self.plan.bounds.get("lights can be hit", True))
         path.visible.lights = int(self._request.lights_visible)
         path.visible.domes = int(self._request.lights_visible or self._request.dome_light_visible)
         request.path = path

@@ -21,6 +21,10 @@ class CameraLight(Light):
 
     infinite = True
 
+    def is_delta(self) -> bool:
+        """A point."""
+        return True
+
     def power(self, scene_radius: float) -> float:
         """Power through a disk as large as the scene."""
         return float(self.radiance() @ LUMINANCE) * (3.14159 * scene_radius) ** 2

@@ -36,6 +36,10 @@ class DistantLight(Light):
         """Half the cone's angle in radians, clamped to 0…π."""
         return float(np.clip(np.radians(self.angle) / 2.0, 0.0, np.pi))
 
+    def is_delta(self) -> bool:
+        """Parallel light, where the angle is 0."""
+        return self.half_angle() == 0.0
+
     def size(self) -> tuple[float, float, float]:
         """1 - cos of the half angle."""
         return (2.0 * np.sin(self.half_angle() / 2.0) ** 2, 0.0, 0.0)

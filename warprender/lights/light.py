@@ -99,6 +99,10 @@ class Light(Watched):
         """Emitted power of a grey light, roughly; 0 keeps next-event estimation from choosing the light."""
         return float(self.radiance() @ LUMINANCE) * np.pi * self.size_factor() * self.profile_mean()
 
+    def is_delta(self) -> bool:
+        """Whether no ray meets it by chance, as a point or a direction without a size."""
+        return False
+
     def profile_mean(self) -> float:
         """Mean of the photometric profile over all directions, 1 without one."""
         profile = self.shaping.iesProfile

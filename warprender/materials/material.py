@@ -11,6 +11,17 @@ from .inputs import NORMAL, Varying, constant
 
 _PLAIN_NORMAL = (0.0, 0.0, 1.0)
 
+#: Ways in which surfaces scatter light, and what calls for them. "mirror" and "refraction" are perfect.
+LOBES = {
+    "clearcoat": "a clearcoat above 0",
+    "diffuse": "a diffuseColor or displayColor that is not black",
+    "glossy": "a specular lobe of a roughness above 0",
+    "measured": "a warprender:MeasuredBRDF",
+    "mirror": "a specular lobe of roughness 0",
+    "refraction": "a warprender:Dielectric of roughness 0",
+    "rough refraction": "a warprender:Dielectric of a roughness above 0",
+}
+
 
 class BaseMaterial(Watched):
     """What every kind of material answers; by default as an opaque one that emits nothing.
@@ -42,6 +53,10 @@ class BaseMaterial(Watched):
     def is_cut_out(self) -> bool:
         """Whether it is either there or not, by a threshold."""
         return False
+
+    def lobes(self) -> tuple[str, ...]:
+        """Those of `LOBES` by which it may scatter light; both of two where a texture decides. By default all."""
+        return tuple(LOBES)
 
     def largest_emission(self) -> float:
         """Upper bound on the luminance that is emitted; 1 where it varies."""
