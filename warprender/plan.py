@@ -15,6 +15,7 @@ import warp as wp
 from .camera import Camera
 from .denoise import GUIDES
 from .emitters import emits, lit
+from .given import is_count, is_number, shown
 from .lights import Light
 from .lights.dispatch import FUNCTIONS
 from .materials import MATERIALS, TRANSMITTING, DisplayColor
@@ -188,9 +189,10 @@ def analyse(
         pixels: of the picture, for the choice of visibility.
 
     Raises:
-        SceneError: an output, transport or visibility that does not exist.
+        SceneError: an output, transport or visibility that does not exist, or a light or material that is none.
     """
     _check(request)
+    scene.check()
     lights = lit(scene, camera_light) if of_samples(request.outputs) else {}
     transport, called_for = _transport(scene, request, lights)
     passing = _straight_through(scene)
@@ -349,6 +351,8 @@ def everything() -> PathKey:
 def check_outputs(names: tuple[str, ...]) -> None:
     """Raise a SceneError at the first name that is no output."""
     for name in names:
+        if not isinstance(name, str):
+            raise SceneError(f"outputs: {name!r} is not the name of an output")
         if name not in OUTPUTS and name not in FILM_OUTPUTS and name != "color" and term_of(name) is None:
             known = ", ".join((*OUTPUTS, *FILM_OUTPUTS))
             raise SceneError(f"output {name!r} is not one of color, color:0, color:1, …, {known}")
@@ -367,8 +371,10 @@ def _check(request: Request) -> None:
         raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
     if request.denoise and "color" not in request.outputs:
         raise SceneError("denoising is of color, which is not among the outputs")
-    if request.bounces is not None and request.bounces < 0:
-        raise SceneError(f"bounces must be 0 or more, not {request.bounces}")
+    if request.bounces is not None and not is_count(request.bounces):
+        raise SceneError(f"bounces must be a whole number, 0 or more, not {shown(request.bounces)}")
+    if not is_number(request.texture_bytes) or not request.texture_bytes >= 0:
+        raise SceneError(f"texture_bytes must be 0 or more, not {shown(request.texture_bytes)}")
     if request.bounces and request.transport in ONE_SURFACE:
         raise SceneError(f"bounces {request.bounces}: transport {request.transport!r} follows none")
 

@@ -7,7 +7,8 @@ methods build one in Python.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,10 +16,12 @@ import warp as wp
 
 from .bodies import Bodies, Name, ancestors, as_names, pose_array
 from .camera import Camera
+from .given import face_corners, is_number, numbers, plain_array, shown
 from .lights import Light
 from .materials import DisplayColor, Material
 from .materials.displacement import displaced
 from .materials.inputs import Varying
+from .materials.material import BaseMaterial
 from .shapes import Mesh, Primvar, Sdf, Sphere
 from .watched import Watched
 
@@ -219,24 +222,26 @@ class Scene:
             The mesh, as `scene.meshes[path]` has it.
 
         Raises:
-            SceneError: the path is taken, an array has the wrong shape, or an index is out of range.
+            SceneError: the path is taken, an array has the wrong shape or type, an index is out of range, or a field
+                of the material is not as described.
         """
         self._claim(path)
         host = _host_points(path, points)
-        faces = [np.asarray(f, np.int64).reshape(-1) for f in faces]
-        counts = np.array([len(f) for f in faces], np.int64)
-        indices = np.concatenate(faces) if faces else np.zeros(0, np.int64)
+        with naming(path):
+            counts, indices = face_corners(faces)
         if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
             raise SceneError(f"{path}: a face index is outside 0…{len(points) - 1}")
+        if few := int((counts < 3).sum()):
+            self.warn(f"{path}: {few} faces have fewer than three corners and are not drawn")
         mesh = Mesh.from_polygons(host, counts, indices)
         if isinstance(points, wp.array):
             mesh.points = points
         if normals is not None:
             mesh.normals = _vectors(path, "normals", normals, len(host))
         if color is not None:
-            mesh.primvars["displayColor"] = _vectors(path, "color", color, len(host))
+            mesh.primvars["displayColor"] = _colors(path, color, len(host))
         if st is not None:
-            st = np.asarray(st, np.float32)
+            st = _numbers(path, "st", st)
             if st.shape != (len(host), 2):
                 raise SceneError(f"{path}: st has shape {st.shape}, not {(len(host), 2)}")
             mesh.primvars["st"] = Primvar(st, "vertex")
@@ -256,7 +261,7 @@ class Scene:
 
         Args:
             path: prim path, unique in the scene.
-            radius: in scene units; 0 and below draw nothing.
+            radius: in scene units; 0 and below draw nothing, with a warning.
             material: as in `add_mesh`.
             pose: as in `add_mesh`; a matrix with a scale makes an ellipsoid.
             color: one (3,) colour, as in `add_mesh`.
@@ -268,9 +273,13 @@ class Scene:
             SceneError: the path is taken, or an array has the wrong shape.
         """
         self._claim(path)
-        sphere = Sphere(radius)
+        if not is_number(radius) or not np.isfinite(radius):
+            raise SceneError(f"{path}: radius is {shown(radius)}, not a number")
+        if radius <= 0:
+            self.warn(f"{path}: its radius is {radius:g}; nothing is drawn")
+        sphere = Sphere(float(radius))
         if color is not None:
-            sphere.primvars["displayColor"] = _vectors(path, "color", color, 1)
+            sphere.primvars["displayColor"] = _colors(path, color, 1)
         sphere = self._displaced(path, sphere, material)
         self._place(path, sphere, material, pose)
         return sphere
@@ -317,7 +326,7 @@ class Scene:
         if fault := sdf.fault():
             raise SceneError(f"{path}: {fault}")
         if color is not None:
-            sdf.primvars["displayColor"] = _vectors(path, "color", color, 1)
+            sdf.primvars["displayColor"] = _colors(path, color, 1)
         self._place(path, self._displaced(path, sdf, material), material, pose)
         return sdf
 
@@ -339,7 +348,11 @@ class Scene:
         if prototype not in self.placements:
             raise SceneError(f"{path}: there is no prim {prototype} to draw instances of")
         source = self.placements[prototype]
-        transforms = np.stack([pose_matrix(p, path) for p in poses]) if len(poses) else np.zeros((0, 4, 4))
+        poses = plain_array(poses)
+        if poses.ndim == 0:
+            raise SceneError(f"{path}: poses are {shown(poses[()])}, not (K, 7) or (K, 4, 4) numbers")
+        transforms = [pose_matrix(pose, f"{path}[{k}]") for k, pose in enumerate(poses)]
+        transforms = np.stack(transforms) if transforms else np.zeros((0, 4, 4))
         ids = np.arange(len(transforms), dtype=np.int32)
         placement = Placement(path, source.shape, transforms, source.material, ids)
         self.placements[path] = placement
@@ -357,12 +370,13 @@ class Scene:
             The light's path.
 
         Raises:
-            SceneError: the path is taken, or the pose has the wrong shape.
+            SceneError: the path is taken, it is no light, or a field of it or the pose is not as described.
         """
         path = path or f"/Lights/{type(light).__name__}{len(self.lights)}"
         self._claim(path)
-        if pose is not None:
+        if pose is not None and isinstance(light, Light):
             light.transform = pose_matrix(pose, path)
+        _check(path, light, Light)
         self.lights[path] = light
         return path
 
@@ -379,11 +393,15 @@ class Scene:
             The camera.
 
         Raises:
-            SceneError: the path is taken, or the pose has the wrong shape.
+            SceneError: the path is taken, it is no camera, or a field of it or the pose is not as described.
         """
         self._claim(path)
-        if pose is not None:
+        if pose is not None and isinstance(camera, Camera):
             camera.transform = pose_matrix(pose, path)
+        if not isinstance(camera, Camera):
+            raise SceneError(f"{path}: {shown(camera)} is not a Camera")
+        if fault := camera.wrong_field():
+            raise SceneError(f"{path}: {fault}")
         self.cameras[path] = camera
         return camera
 
@@ -412,6 +430,8 @@ class Scene:
         Raises:
             SceneError: a path is not in the scene, or occurs twice.
         """
+        if not isinstance(paths, (str, tuple, list, np.ndarray)):
+            raise SceneError(f"{shown(paths)} is no prim path, nor a row of them")
         names, device = as_names(paths), str(wp.get_device(device))
         if (known := self.bodies.known(names, device)) is not None:
             return known
@@ -455,7 +475,11 @@ class Scene:
         Raises:
             SceneError: a path is not in the scene.
         """
+        if not isinstance(paths, (str, Iterable)):
+            raise SceneError(f"set_visible: {shown(paths)} is no prim path, nor a row of them")
         for path in (paths,) if isinstance(paths, str) else paths:
+            if not isinstance(path, str):
+                raise SceneError(f"set_visible: {shown(path)} is no prim path")
             self._check_body(path)
             for things in (self.placements, self.lights):
                 for name in things:
@@ -469,16 +493,33 @@ class Scene:
             if any(name in t for t in things) or any(name in ancestors(p) for t in things for p in t):
                 return
             raise SceneError(f"{name}: there is no such prim in the scene")
+        if not (isinstance(name, tuple) and len(name) == 2):
+            raise SceneError(f"{shown(name)} is no prim path, nor a pair of one and the number of a copy")
         path, copy = name
         if path not in self.placements or copy not in copies_of(self.placements[path]):
             raise SceneError(f"{path}: there is no such prim, or it has no copy {copy}")
 
+    def check(self) -> None:
+        """Look at the fields of all materials and lights, which anything may have been assigned to.
+
+        Raises:
+            SceneError: one cannot be drawn; the message names it and the field.
+        """
+        for key, material in self.materials.items():
+            _check(key or "the scene's own material", material, BaseMaterial)
+        for path, light in self.lights.items():
+            _check(path, light, Light)
+
     def _claim(self, path: str) -> None:
+        if not isinstance(path, str) or not path:
+            raise SceneError(f"a path is a text such as '/World/box', not {shown(path)}")
         if path in self.placements or path in self.lights or path in self.cameras:
             raise SceneError(f"{path}: the path is already in the scene")
 
     def _displaced(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None) -> Mesh | Sphere | Sdf:
         """The shape with its points moved as its material says; unmoved, with a warning, where they cannot be."""
+        if material is not None and not isinstance(material, str):
+            _check(f"{path}/material", material, BaseMaterial)
         material = self.materials.get(material) if isinstance(material, str) else material
         displacement = getattr(material, "displacement", 0.0)
         if not isinstance(displacement, Varying) and displacement == 0.0:
@@ -500,8 +541,10 @@ class Scene:
                 raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
         elif material is not None:
             key = f"{path}/material"
+        placement = Placement(path, shape, pose_matrix(pose, path)[None], key)
+        if material is not None and not isinstance(material, str):
             self.materials[key] = material
-        self.placements[path] = Placement(path, shape, pose_matrix(pose, path)[None], key)
+        self.placements[path] = placement
 
 
 def copies_of(placement: Placement) -> np.ndarray:
@@ -518,11 +561,19 @@ def pose_matrix(pose: object, path: str) -> np.ndarray:
     """
     if pose is None:
         return np.eye(4)
-    pose = np.asarray(pose, np.float64)
+    array = plain_array(pose)
+    if array.dtype.kind not in "iuf" or array.shape not in ((4, 4), (7,)):
+        given = f"an array of shape {array.shape}" if array.dtype.kind in "iuf" else shown(pose)
+        raise SceneError(f"{path}: a pose is seven numbers or a 4×4 matrix, not {given}")
+    pose = array.astype(np.float64)
+    if not np.isfinite(pose).all():
+        raise SceneError(f"{path}: its pose has numbers that are not finite")
     if pose.shape == (4, 4):
+        if pose[:3, 3].any():
+            raise SceneError(f"{path}: the last column of its pose is not 0, 0, 0, 1: a translation is in the last row")
         return pose
-    if pose.shape != (7,):
-        raise SceneError(f"{path}: a pose is seven numbers or a 4×4 matrix, not an array of shape {pose.shape}")
+    if not pose[3:].any():
+        raise SceneError(f"{path}: the quaternion of its pose is 0")
     x, y, z, w = pose[3:] / np.linalg.norm(pose[3:])
     matrix = np.eye(4)
     matrix[:3, :3] = [
@@ -540,15 +591,47 @@ def _host_points(path: str, points: np.ndarray | wp.array) -> np.ndarray:
         if points.dtype != wp.vec3 or points.ndim != 1:
             raise SceneError(f"{path}: points are not a one-dimensional wp.array of wp.vec3")
         return points.numpy()
-    host = np.asarray(points, np.float32)
+    host = _numbers(path, "points", points)
+    if host.shape == (0,):
+        return host.reshape(0, 3)
     if host.ndim != 2 or host.shape[1] != 3:
         raise SceneError(f"{path}: points have the shape {host.shape}, not (N, 3)")
     return host
 
 
+@contextmanager
+def naming(path: str) -> Iterator[None]:
+    """Turn a ValueError into a SceneError about the prim `path`."""
+    try:
+        yield
+    except ValueError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def _numbers(path: str, name: str, values: object) -> np.ndarray:
+    with naming(path):
+        return numbers(name, values)
+
+
+def _check(path: str, thing: Light | Material, kind: type) -> None:
+    """Raise a SceneError unless it is of the kind and its fields are as described."""
+    if not isinstance(thing, kind):
+        raise SceneError(f"{path}: {shown(thing)} is not a {'Light' if kind is Light else 'material'}")
+    if fault := thing.fault():
+        raise SceneError(f"{path}: {fault}")
+
+
 def _vectors(path: str, name: str, values: np.ndarray | Sequence, points: int) -> Primvar:
     """One vector for the whole shape, or one for each of its points."""
-    values = np.asarray(values, np.float32)
+    values = _numbers(path, name, values)
     if values.shape not in ((3,), (points, 3)):
         raise SceneError(f"{path}: {name} has the shape {values.shape}, not (3,) or ({points}, 3)")
     return Primvar(values.reshape(-1, 3), "constant" if values.ndim == 1 else "vertex")
+
+
+def _colors(path: str, values: np.ndarray | Sequence, points: int) -> Primvar:
+    """Colours, as `_vectors`, all of them finite."""
+    primvar = _vectors(path, "color", values, points)
+    if not np.isfinite(primvar.values).all():
+        raise SceneError(f"{path}: color has values that are not finite")
+    return primvar
