@@ -18,19 +18,28 @@ from .denoise import GUIDES, MISSING, available, denoised
 from .film import filter_table, pixel_offset
 from .films import Films
 from .frame import Frame, Stats
-from .framing import camera_at, choose_camera, choose_camera_path, choose_data_window, choose_resolution
+from .framing import (
+    camera_at,
+    checked_resolution,
+    choose_camera,
+    choose_camera_path,
+    choose_data_window,
+    choose_resolution,
+)
+from .given import is_number, shown
 from .integrators import RADIANCE
 from .integrators.none import launch_outputs
 from .integrators.samples import PathRequest, launch_samples, samples_kernel
 from .launch import thread_count
 from .live import LiveScene
-from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, term_of, terms_of
+from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, output_names, term_of, terms_of
 from .plan import LIGHT_BY_LIGHT, OutputsKey, PathKey, RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene, SceneError, pose_matrix
 from .shutter import shutter_share
 from .texels import TEXTURE_BYTES
 from .visibility.first_hits import RasterHits, RayHits
+from .visibility.raster import LARGEST_SIDE
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
 DEFAULT_SAMPLES = 64
@@ -129,15 +138,15 @@ class Renderer:
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
+        if not isinstance(scene, Scene):
+            raise SceneError(f"scene is {shown(scene)}, not a Scene")
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
         self._choose(camera)
         self._see_camera()
-        full = resolution or choose_resolution(scene, self.camera)
-        if min(full) < 1:
-            raise SceneError(f"resolution {full[0]}x{full[1]} has no pixels")
+        full = choose_resolution(scene, self.camera) if resolution is None else checked_resolution(resolution)
         self.data_window = choose_data_window(scene, full)
         self.resolution = (self.data_window.width, self.data_window.height)
-        outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        outputs = output_names(outputs)
         self.request = Request(
             outputs,
             visibility,
@@ -209,9 +218,9 @@ class Renderer:
             finished, and `stats["interrupted"]` is True.
 
         Raises:
-            SceneError: a limit is not above 0.
+            SceneError: a limit is not above 0, or the seed is no whole number.
         """
-        _check_limits(samples, error, seconds)
+        _check_limits(samples, error, seconds, seed)
         start = time.perf_counter()
         values = self._render_outputs()
         self._seconds["outputs"] = time.perf_counter() - start
@@ -260,8 +269,10 @@ class Renderer:
         return self._films.last.standard_error() * self.camera.exposureScale
 
     def _analyse(self) -> RenderPlan:
-        pixels = self.resolution[0] * self.resolution[1]
-        return analyse(self.scene, self.camera, self.request, self._with_camera_light, pixels)
+        pixels, request = self.resolution[0] * self.resolution[1], self.request
+        if request.visibility == "auto" and max(self.resolution) > LARGEST_SIDE:
+            request = replace(request, visibility="rays")
+        return analyse(self.scene, self.camera, request, self._with_camera_light, pixels)
 
     def _follow(self) -> None:
         """See what has changed: camera, scene, and the plan where effects may have come or gone."""
@@ -427,7 +438,7 @@ class Renderer:
 
     def _path_request(self, seed: int) -> PathRequest:
         request = PathRequest()
-        request.seed = seed & 0xFFFFFFFF
+        request.seed = int(seed) & 0xFFFFFFFF
         request.sobol = int(self._sobol)
         self._follow_bounds(request)
         request.unfiltered = int(not self.request.filter_textures)
@@ -538,7 +549,9 @@ def use_camera_light(scene: Scene, mode: str) -> bool:
     return mode == "on" or (mode == "auto" and not scene.lights)
 
 
-def _check_limits(samples: int | None, error: float | None, seconds: float | None) -> None:
+def _check_limits(samples: float | None, error: float | None, seconds: float | None, seed: int) -> None:
     for name, value in (("samples", samples), ("error", error), ("seconds", seconds)):
-        if value is not None and not value > 0:
-            raise SceneError(f"{name} must be above 0, not {value}")
+        if value is not None and not (is_number(value) and value > 0):
+            raise SceneError(f"{name} must be a number above 0, not {shown(value)}")
+    if not is_number(seed) or seed != seed // 1:
+        raise SceneError(f"seed must be a whole number, not {shown(seed)}")

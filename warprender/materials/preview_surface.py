@@ -63,6 +63,7 @@ OPACITY_THRESHOLD = _NUMBERS["opacityThreshold"]
 IOR = _NUMBERS["ior"]
 SPECULAR_EDGE_COLOR = _NUMBERS["specularEdgeColor"]
 OPACITY_MODE = _NUMBERS["opacityMode"]
+OPACITY_MODES = ("transparent", "presence")
 
 
 @dataclass
@@ -111,6 +112,11 @@ class PreviewSurface(BaseMaterial):
     normal: Color = (0.0, 0.0, 1.0)
     displacement: Number = 0.0
     specularEdgeColor: Color = (1.0, 1.0, 1.0)
+
+    def fault(self) -> str:
+        """As of every material, and of the mode."""
+        known = self.opacityMode in OPACITY_MODES
+        return super().fault() or ("" if known else f"opacityMode is {self.opacityMode!r}, not one of {OPACITY_MODES}")
 
     def pack(self) -> np.ndarray:
         """Values by input number: (n, 3)."""

@@ -45,9 +45,10 @@ def analyse(
         pixels: of the picture, for the choice of visibility.
 
     Raises:
-        SceneError: an output, transport or visibility that does not exist.
+        SceneError: an output, transport or visibility that does not exist, or a light or material that is none.
     """
     check_request(request)
+    scene.check()
     found = occurring(scene, request.energy_compensation)
     lights = lit(scene, camera_light) if request.colored else {}
     transport, called_for = choose_transport(found, request, lights)
