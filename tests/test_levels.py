@@ -9,7 +9,7 @@ PACKAGE = Path(warprender.__file__).parent
 
 #: Files and folders of the package by level.
 LEVELS = (
-    {"numerics", "sampling", "color", "launch", "watched", "errors"},
+    {"numerics", "sampling", "color", "launch", "watched", "errors", "given"},
     {"records", "images", "denoise", "shutter", "picture_settings", "stopping"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},

@@ -18,14 +18,15 @@ from .errors import SceneError
 from .film import filter_table, pixel_offset
 from .films import Films
 from .frame import Frame, Stats
-from .framing import choose_data_window, choose_resolution
+from .framing import checked_resolution, choose_data_window, choose_resolution
+from .given import is_number, shown
 from .hit_finders import HitFinders
 from .integrators import RADIANCE
 from .integrators.none import launch_outputs
 from .integrators.samples import PathRequest, launch_samples, samples_kernel
 from .launch import thread_count
 from .live import LiveScene
-from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, term_of, terms_of
+from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, output_names, term_of, terms_of
 from .plan import LIGHT_BY_LIGHT, RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene
@@ -33,6 +34,7 @@ from .shutter import shutter_share
 from .stopping import Limits, Passes
 from .texels import TEXTURE_BYTES
 from .viewpoint import Viewpoint
+from .visibility.raster import LARGEST_SIDE
 
 SAMPLERS = ("sobol", "independent")
 #: In the order of `DeviceScene.light_sampling`.
@@ -58,8 +60,8 @@ class Renderer:
             Colour that the rasterizer cannot see (depth of field, paths through what is clear) is made of rays.
         transport: how light gets to the camera. "none": no color, AOVs alone. "local": the first surface's reflection
             of each light, with nothing in the way. "direct": the same with shadows. "whitted": perfect reflection
-            and refraction as well. "path": all light, by path tracing. "auto": "none", "local" or "path", the first
-            that leaves out nothing.
+            and refraction as well. "path": all light, by path tracing. "auto": the cheapest that leaves out nothing
+            that the scene calls for (docs/transports.md).
         device: Warp device, as "cpu" or "cuda:0".
         threads: CPU threads, None for all cores. The picture does not depend on it.
         bounces: reflections followed after the one at the camera's hit, None for as many as matter; 0 is
@@ -120,14 +122,14 @@ class Renderer:
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
+        if not isinstance(scene, Scene):
+            raise SceneError(f"scene is {shown(scene)}, not a Scene")
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
         self._viewpoint = Viewpoint(scene, camera)
-        full = resolution or choose_resolution(scene, self.camera)
-        if min(full) < 1:
-            raise SceneError(f"resolution {full[0]}x{full[1]} has no pixels")
+        full = choose_resolution(scene, self.camera) if resolution is None else checked_resolution(resolution)
         self.data_window = choose_data_window(scene, full)
         self.resolution = (self.data_window.width, self.data_window.height)
-        outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        outputs = output_names(outputs)
         self.request = Request(
             outputs,
             visibility,
@@ -199,9 +201,11 @@ class Renderer:
             finished, and `stats["interrupted"]` is True.
 
         Raises:
-            SceneError: a limit is not above 0.
+            SceneError: a limit is not above 0, or the seed is no whole number.
         """
         limits = Limits(samples, error, seconds)
+        if not is_number(seed) or seed != seed // 1:
+            raise SceneError(f"seed must be a whole number, not {shown(seed)}")
         start = time.perf_counter()
         values = self._render_outputs()
         self._seconds["outputs"] = time.perf_counter() - start
@@ -252,8 +256,10 @@ class Renderer:
         return self._viewpoint.camera
 
     def _analyse(self) -> RenderPlan:
-        pixels = self.resolution[0] * self.resolution[1]
-        return analyse(self.scene, self.camera, self.request, self._with_camera_light, pixels)
+        pixels, request = self.resolution[0] * self.resolution[1], self.request
+        if request.visibility == "auto" and max(self.resolution) > LARGEST_SIDE:
+            request = replace(request, visibility="rays")
+        return analyse(self.scene, self.camera, request, self._with_camera_light, pixels)
 
     def _follow(self) -> None:
         """See what has changed: camera, scene, and the plan where effects may have come or gone."""
@@ -343,14 +349,19 @@ class Renderer:
 
     def _path_request(self, seed: int) -> PathRequest:
         request = PathRequest()
-        request.seed = seed & 0xFFFFFFFF
+        request.seed = int(seed) & 0xFFFFFFFF
         request.sobol = int(self._sobol)
-        request.bounces = int(self.plan.bounds["bounces"])
+        self._follow_bounds(request)
         request.unfiltered = int(not self.request.filter_textures)
         request.terms = self._films.last.terms
         request.visible.lights = int(self.request.lights_visible)
         request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
+
+    def _follow_bounds(self, request: PathRequest) -> None:
+        """What the plan's bounds say to the kernel, as they are now."""
+        request.bounces = int(self.plan.bounds["bounces"])
+        request.met = int(self.plan.bounds["lights can be hit"])
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
         """Add samples to the first `pixels`, None for all."""
@@ -376,7 +387,7 @@ class Renderer:
         opens, closes = shutter
         for sample in range(first_sample, first_sample + samples):
             self._go_to(opens + (closes - opens) * shutter_share(request.seed, sample))
-            request.bounces = int(self.plan.bounds["bounces"])
+            self._follow_bounds(request)
             self._pass(request, sample, 1, pixels)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from .errors import SceneError
+from .given import is_number, shown
 
 #: Samples a pixel when neither samples, error nor seconds is asked for.
 DEFAULT_SAMPLES = 64
@@ -31,7 +32,7 @@ class Limits:
         seconds: wall-clock time.
 
     Raises:
-        SceneError: a limit is not above 0.
+        SceneError: a limit is not a number above 0.
     """
 
     samples: float | None = None
@@ -41,8 +42,8 @@ class Limits:
     def __post_init__(self) -> None:
         for name in ("samples", "error", "seconds"):
             value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise SceneError(f"{name} must be above 0, not {value}")
+            if value is not None and not (is_number(value) and value > 0):
+                raise SceneError(f"{name} must be a number above 0, not {shown(value)}")
 
     @property
     def most_samples(self) -> float:

@@ -141,6 +141,9 @@ def radiance_function(key: PathKey) -> wp.Function:
                 keep(request.terms, sample.pixel, depth + 1, scattered_once)
                 result.rays += wp.vec3i(0, 0, reflected.count)
 
+            if request.met == 0 and depth >= request.bounces:
+                break
+
             # 5. Follow the sampled direction, unless the true surface lies between it and the side it was meant for.
             if scattered.event == EVENT_ABSORB:
                 break

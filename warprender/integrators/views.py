@@ -311,6 +311,7 @@ def views_kernel(key: ViewKey, radiance: wp.Function | None) -> wp.Kernel:
                             clear += 1
                     if hit.instance >= 0:
                         seen.instance = scene.instances[hit.instance]
+                        seen.face = 0
                         if scene.geometries[seen.instance.geometry].faces.shape[0] > 0:
                             seen.face = scene.geometries[seen.instance.geometry].faces[hit.face]
                         # Unrolled in the kernel's own body, where a table of functions is safe.

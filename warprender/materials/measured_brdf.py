@@ -50,6 +50,10 @@ class MeasuredBRDF(BaseMaterial):
         """Values by input number: (1, 3), the albedo seen along the normal."""
         return self.table.albedos[:1].astype(np.float32)
 
+    def lobes(self) -> tuple[str, ...]:
+        """What was measured is one."""
+        return ("measured",)
+
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel; data may reflect more than 1."""
         return self.table.largest_albedo()

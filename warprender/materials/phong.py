@@ -56,6 +56,11 @@ class Phong(BaseMaterial):
     exponent: Number = 32.0
     normal: Color = (0.0, 0.0, 1.0)
 
+    def lobes(self) -> tuple[str, ...]:
+        """The diffuse part, and the highlight."""
+        named = {"diffuse": self.diffuseColor, "glossy": self.specularColor}
+        return tuple(name for name, color in named.items() if isinstance(color, Varying) or np.max(color) > 0)
+
     def largest_albedo(self) -> float:
         """Upper bound on the share of light that "path" reflects, any direction and channel."""
         if any(isinstance(value, Varying) for value in (self.diffuseColor, self.specularColor, self.exponent)):
