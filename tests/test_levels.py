@@ -19,7 +19,7 @@ LEVELS = (
     {"adaptive", "integrators", "upload", "upload_lights", "upload_glow", "upload_shapes"}
     | {"attaching", "checks", "receipt"},
     {"frame", "films", "live", "renderer", "gonioreflectometer"},
-    {"usd", "sensors", "newton", "testing", "study", "cli"},
+    {"usd", "sensors", "newton", "newton_shapes", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
@@ -43,6 +43,7 @@ NEIGHBOURS = {
     ("renderer", "films"),
     ("renderer", "live"),
     ("cli", "study"),
+    ("newton", "newton_shapes"),
     ("__main__", "__init__"),
 }
 EDGES = {"usd", "cli"}
