@@ -1,4 +1,4 @@
-"""Newton's shapes and their looks as this package has them. Newton itself is not imported: its classes are only read."""
+"""Newton's shapes and their looks as this package has them. Newton itself is not imported: its objects are read."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def _heightfield(source: object, signs: np.ndarray) -> Mesh:
     walls = np.concatenate(
         [np.stack([ring, ring + below, after], 1), np.stack([after, ring + below, after + below], 1)]
     )
-    triangles = np.concatenate([upper, upper[:, ::-1] + below, walls])
+    triangles = np.concatenate([upper, upper[:, ::-1] + below, *walls])
     return Mesh.from_polygons(points.astype(np.float32), np.full(len(triangles), 3), triangles.reshape(-1))
 
 
