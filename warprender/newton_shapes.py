@@ -120,15 +120,12 @@ def _heightfield(source: object, signs: np.ndarray) -> Mesh:
     top = np.stack([x, y, heights], -1).reshape(-1, 3)
     points = np.concatenate([top, top * (1, 1, 0) + (0, 0, floor)]) * signs
     number = np.arange(rows * columns).reshape(rows, columns)
-    here, right, up, across = (
-        n.reshape(-1) for n in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:])
-    )
+    here, right = number[:-1, :-1].reshape(-1), number[:-1, 1:].reshape(-1)
+    up, across = number[1:, :-1].reshape(-1), number[1:, 1:].reshape(-1)
     upper = np.concatenate([np.stack([here, right, up], 1), np.stack([up, right, across], 1)])
     ring = np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
     after, below = np.roll(ring, -1), rows * columns
-    walls = np.concatenate(
-        [np.stack([ring, ring + below, after], 1), np.stack([after, ring + below, after + below], 1)]
-    )
+    walls = [np.stack([ring, ring + below, after], 1), np.stack([after, ring + below, after + below], 1)]
     triangles = np.concatenate([upper, upper[:, ::-1] + below, *walls])
     return Mesh.from_polygons(points.astype(np.float32), np.full(len(triangles), 3), triangles.reshape(-1))
 
