@@ -166,7 +166,7 @@ def test_a_shutter_that_does_not_open_costs_nothing():
 
 #: Functions that only kernels with an effect have.
 MARKS = {
-    "unit_disk": "depth of field", "clip": "clipping planes", "texture_at": "texture", "mapped_normal": "normal map",
+    "clip": "clipping planes", "texture_at": "texture", "mapped_normal": "normal map",
     "input_at": "primvar", "medium_towards": "transmission", "fresnel_dielectric": "transmission",
     "brdf_at": "measured BRDF", "lobe_probabilities": "UsdPreviewSurface", "coat_fresnel": "clearcoat",
     "diffuse_probability": "Phong", "multiple_scattering": "energy compensation", "shadow_strength": "shadows",
