@@ -123,7 +123,15 @@ def test_every_effect_is_there_with_its_caller_or_left_out_with_what_would_call_
     families += [("light", (*FUNCTIONS, *LIGHT_EFFECTS)), ("output", ("color", *OUTPUTS, *FILM_OUTPUTS))]
     named = {f"{family} {name}" for family, names in families for name in names}
     named |= {"normal map", "transmission", "cut-out", "straight through", "energy compensation", "depth of field"}
-    named |= {"clipping planes", "motion blur", "denoising", "single terms", "secondary rays", "shadow rays"}
+    named |= {
+        "clipping planes",
+        "motion blur",
+        "fast rays",
+        "denoising",
+        "single terms",
+        "secondary rays",
+        "shadow rays",
+    }
     assert named <= {*plan.reasons, *plan.absent}
     others = {entry for entry in {*plan.reasons, *plan.absent} - named if not entry.startswith("output color:")}
     assert {entry.split()[0] for entry in others} <= {"transport", "visibility", "color", "texture", "primvar"}

@@ -44,16 +44,19 @@ class Upload:
         texture_bytes: int = TEXTURE_BYTES,
         sdfs: tuple[wp.Function, ...] = (),
         before: Upload | None = None,
+        keep_meshes: bool = False,
     ) -> None:
         """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32.
 
         `sdfs` are the plan's signed distance functions, in its order.
 
         Pictures are made smaller until all of them take `texture_bytes` at most. Shapes and pictures that are as they
-        were in the upload `before` are taken over from it.
+        were in the upload `before` are taken over from it. `keep_meshes` keeps Warp's own trees of triangles on the CPU
+        too, for fast rays.
         """
         self.device, self.origin = device, rounded_origin(origin)
         self._scene, self._kept = scene, []
+        self._keep_meshes = keep_meshes
         self._written: list[int] = []
         self._assignments = -1
         self._materials = {key: i for i, key in enumerate(scene.materials)}
@@ -126,7 +129,7 @@ class Upload:
 
     def _upload_shapes(self, known: dict[tuple[int, str], Part]) -> None:
         """Upload each shape on first sight, and write the records of its instances."""
-        shapes = ShapeUpload(self._tables.slots, self._materials, self.device)
+        shapes = ShapeUpload(self._tables.slots, self._materials, self.device, self._keep_meshes)
         self._by_shape: dict[tuple[int, str], Part | None] = {}
         numbers: dict[int, int] = {}
         self._drawn: list[Placement] = []

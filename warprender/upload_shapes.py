@@ -92,8 +92,12 @@ class ShapeUpload:
         warnings: one line for each shape with something bad about it.
     """
 
-    def __init__(self, slots: list[Slot], materials: dict[str, int], device: str) -> None:
-        """`slots` are those of the primvars; `materials` has the numbers of materials by key."""
+    def __init__(self, slots: list[Slot], materials: dict[str, int], device: str, keep_meshes: bool = False) -> None:
+        """`slots` are those of the primvars; `materials` has the numbers of materials by key.
+
+        `keep_meshes`: keep each `wp.Mesh` on the CPU too.
+        """
+        self._keep_meshes = keep_meshes
         self._slots, self._materials, self.device = slots, materials, device
         self.warnings: list[str] = []
 
@@ -158,7 +162,7 @@ class ShapeUpload:
         normals = self._normals(path, mesh, keep, record)
         if mesh.face_materials:
             record.face_material = self._array(self._face_materials(mesh, material), wp.int32)
-        tree = MeshTree(record.points, record.indices)
+        tree = MeshTree(record.points, record.indices, keep_mesh=self._keep_meshes)
         made_from = contents(mesh, POINTS)
         part = Part(path, mesh, made_from, record, tree, [], keep, mesh.stored, normals, tree.dropped)
         part.begin_to_follow()

@@ -10,7 +10,7 @@ from .choices import PIXEL_COST, RAY_COST, TRIANGLE_COST
 from .keys import LIGHT_EFFECTS, OutputsKey, PathKey, covers, everything
 from .occurring import distance_functions
 from .render_plan import RenderPlan
-from .request import LIGHT_BY_LIGHT, ONE_SURFACE, TRANSPORTS, VISIBILITIES, Request, check_outputs
+from .request import LIGHT_BY_LIGHT, ONE_SURFACE, RAY_ACCURACIES, TRANSPORTS, VISIBILITIES, Request, check_outputs
 
 __all__ = [
     "BOUNCE_TOLERANCE",
@@ -19,6 +19,7 @@ __all__ = [
     "MOST_BOUNCES",
     "ONE_SURFACE",
     "PIXEL_COST",
+    "RAY_ACCURACIES",
     "RAY_COST",
     "TRANSPORTS",
     "TRIANGLE_COST",

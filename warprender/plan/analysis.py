@@ -68,6 +68,7 @@ def analyse(
     _note_outputs(plan, request)
     _note_lights(plan, lights, request)
     _note_rays(plan, found)
+    plan.note("fast rays", "asked for" if request.ray_accuracy == "fast" else "", "ray_accuracy='fast', for studies")
     return plan
 
 
@@ -98,6 +99,7 @@ def _path_key(found: Occurring, camera: Camera, request: Request, transport: str
         features=tuple(sorted(features)),
         sdfs=found.sdfs,
         terms=bool(terms_of(request.outputs)),
+        ray_accuracy=request.ray_accuracy,
     )
 
 

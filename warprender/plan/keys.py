@@ -35,6 +35,7 @@ class PathKey:
         features: of `materials.inputs.FEATURES`.
         sdfs: the signed distance functions, in the order of their numbers.
         terms: whether single terms of color are kept.
+        ray_accuracy: one of `RAY_ACCURACIES`.
     """
 
     shapes: tuple[str, ...]
@@ -47,6 +48,7 @@ class PathKey:
     features: tuple[str, ...] = ()
     sdfs: tuple[wp.Function, ...] = ()
     terms: bool = False
+    ray_accuracy: str = "watertight"
 
 
 @dataclass(frozen=True)

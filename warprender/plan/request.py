@@ -14,6 +14,8 @@ ONE_SURFACE = ("local", "direct")
 #: Those that add up the lights at a surface, and reflect no other light in its rough parts.
 LIGHT_BY_LIGHT = ("local", "direct", "whitted")
 VISIBILITIES = ("rays", "raster", "painter")
+#: How rays of colour meet triangles: by our walk, or by Warp's own query, which leaks.
+RAY_ACCURACIES = ("watertight", "fast")
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class Request:
     light_sampling: str = "tree"
     filter_textures: bool = True
     adaptive: bool = False
+    ray_accuracy: str = "watertight"
 
     @property
     def colored(self) -> bool:
@@ -69,6 +72,8 @@ def check_request(request: Request) -> None:
         raise SceneError(f"transport 'none' gives no {name}: ask for other outputs alone, or for transport 'path'")
     if request.visibility not in (*VISIBILITIES, "auto"):
         raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
+    if request.ray_accuracy not in RAY_ACCURACIES:
+        raise SceneError(f"ray accuracy {request.ray_accuracy!r} is not one of {', '.join(RAY_ACCURACIES)}")
     if request.denoise and "color" not in request.outputs:
         raise SceneError("denoising is of color, which is not among the outputs")
     if request.bounces is not None and request.bounces < 0:
