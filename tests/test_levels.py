@@ -20,7 +20,7 @@ LEVELS = (
     | {"upload_lights", "upload_light_pictures", "upload_light_tree", "upload_glow"}
     | {"attaching", "checks", "receipt"},
     {"frame", "films", "live", "viewpoint", "hit_finders", "renderer", "gonioreflectometer"},
-    {"usd", "sensors", "newton", "testing", "study", "cli"},
+    {"usd", "sensors", "newton", "newton_shapes", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
@@ -55,6 +55,7 @@ NEIGHBOURS = {
     ("renderer", "viewpoint"),
     ("renderer", "hit_finders"),
     ("cli", "study"),
+    ("newton", "newton_shapes"),
     ("__main__", "__init__"),
 }
 EDGES = {"usd", "cli"}

@@ -353,7 +353,7 @@ class Renderer:
     def _follow_bounds(self, request: PathRequest) -> None:
         """What the plan's bounds say to the kernel, as they are now."""
         request.bounces = int(self.plan.bounds["bounces"])
-        request.met = int(self.plan.bounds["lights can be hit"])
+        request.met = int(self.plan.bounds.get("lights can be hit", True))
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
         """Add samples to the first `pixels`, None for all."""
