@@ -89,7 +89,7 @@ def test_terms_sum_to_color(transport):
     options = {"transport": transport, "lights_visible": True}
     if transport in ("path", "whitted"):
         options["bounces"] = 6
-    renderer = wr.Renderer(scene, view, (24, 24), ("color", *names(10)), **options)
+    renderer = prepare(scene, view, 24, outputs=("color", *names(10)), **options)
     frame = renderer.render(samples=8)
     color, terms = frame.numpy("color")[..., :3].astype(np.float64), terms_of(frame, 10)
     np.testing.assert_allclose(terms.sum(0), color, rtol=FLOAT32, atol=1e-7)
@@ -114,8 +114,8 @@ def test_transports_agree_on_the_first_terms():
     scene.add_light(wr.SphereLight(radius=0.4, intensity=9.0), pose=(1.5, 1.5, 1, 0, 0, 0, 1))
     found = {}
     for transport in ("path", "direct"):
-        options = {"transport": transport, "lights_visible": True, "sampler": "independent", "visibility": "rays"}
-        renderer = wr.Renderer(scene, view, (16, 16), ("color", *names(2)), **options)
+        options = {"transport": transport, "lights_visible": True, "visibility": "rays"}
+        renderer = prepare(scene, view, 16, outputs=("color", *names(2)), **options)
         frames = [renderer.render(samples=64, seed=seed) for seed in range(4)]
         found[transport] = np.stack([terms_of(frame, 2) for frame in frames])
     np.testing.assert_array_equal(found["path"][:, 0], found["direct"][:, 0])
