@@ -24,6 +24,7 @@ from .picture_settings import PictureSettings, RenderProduct, RenderSettings
 from .placement import Placement, copies_of, materials_of
 from .scene_arguments import host_points, pose_matrix, vectors_primvar
 from .shapes import Mesh, Primvar, Sdf, Sphere
+from .shapes.volume import dense
 
 #: A scene and what it is made of, for those who read one.
 __all__ = [
@@ -205,8 +206,8 @@ class Scene:
     def add_sdf(
         self,
         path: str,
-        distance: wp.Function | np.ndarray,
-        bounds: np.ndarray | Sequence,
+        distance: wp.Function | np.ndarray | wp.Volume,
+        bounds: np.ndarray | Sequence | None = None,
         material: Material | str | None = None,
         pose: object = None,
         color: Sequence | None = None,
@@ -219,8 +220,10 @@ class Scene:
         Args:
             path: prim path, unique in the scene.
             distance: a `wp.func` of a `wp.vec3` in object space, or of that and `parameters` as a `wp.vec4`, that
-                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds.
-            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end.
+                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds; or a
+                `wp.Volume` of float32 on the CPU, whose world is object space.
+            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end. A `wp.Volume`
+                has its own.
             material: as in `add_mesh`.
             pose: as in `add_mesh`.
             color: one (3,) colour, as in `add_mesh`.
@@ -236,8 +239,10 @@ class Scene:
             SceneError: the path is taken, or an argument is not as described; no material has this path.
         """
         self._claim(path)
-        given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
         try:
+            if isinstance(distance, wp.Volume):
+                distance, bounds = dense(distance)
+            given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
             sdf = Sdf(bounds=bounds, lipschitz=lipschitz, precision=precision, parameters=tuple(parameters), **given)
         except (TypeError, ValueError) as error:
             raise SceneError(f"{path}: {error}") from None
