@@ -188,6 +188,11 @@ def terms_of(names: Iterable[str]) -> tuple[int, ...]:
     return tuple(sorted({number for name in names if (number := term_of(name)) is not None}))
 
 
+def output_names(outputs: object) -> tuple[str, ...]:
+    """One name or several as a tuple; what is none is left for the plan to name."""
+    return tuple(outputs) if isinstance(outputs, Iterable) and not isinstance(outputs, str) else (outputs,)
+
+
 def of_samples(names: Iterable[str]) -> bool:
     """Whether any of the outputs is made of samples: color, one of its terms, or one of `FILM_OUTPUTS`."""
     return any(name == "color" or name in FILM_OUTPUTS or term_of(name) is not None for name in names)

@@ -133,11 +133,7 @@ def samples_kernel(
             if wp.static(terms):
                 end_sample(request.terms, pixel, is_finite(result.radiance))
             if is_finite(result.radiance):
-                value = wp.vec3d(
-                    wp.float64(result.radiance[0]),
-                    wp.float64(result.radiance[1]),
-                    wp.float64(result.radiance[2]),
-                )
+                value = wp.vec3d(result.radiance)
                 total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
                 squares += wp.cw_mul(value, value)
                 replicates[(begin + s) % REPLICATES] += wp.float64(luminance(result.radiance))

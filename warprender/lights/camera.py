@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from ..color import LUMINANCE
 from ..numerics import PI
 from ..records import DeviceScene, LightRecord, LightSample
 from .light import Light, no_light
@@ -27,7 +26,7 @@ class CameraLight(Light):
 
     def power(self, scene_radius: float) -> float:
         """Power through a disk as large as the scene."""
-        return float(self.radiance() @ LUMINANCE) * (3.14159 * scene_radius) ** 2
+        return self.brightness() * (3.14159 * scene_radius) ** 2
 
 
 @wp.func

@@ -21,7 +21,6 @@ from ..numerics import max_component
 from ..records import (
     EVENT_ABSORB,
     EVENT_DELTA,
-    EVENT_SCATTER,
     Bsdf,
     BsdfSample,
     BsdfValue,
@@ -33,6 +32,7 @@ from .fresnel import fresnel_dielectric, refracted, thin_sheet
 from .inputs import Color, Number, Varying, clamped, row_of, values_function
 from .material import BaseMaterial
 from .microfacet import SMALLEST_ALPHA, ggx_density, ggx_visible_pdf, is_perfect, smith_length
+from .scattering import scattered
 
 #: Inputs in the order of their numbers. `normal` has the number of all kinds.
 INPUTS = (
@@ -254,10 +254,4 @@ def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float)
     # What a facet sends to the wrong side of the surface would meet another one: single scattering ends there.
     if wi[2] == 0.0 or (wi[2] > 0.0) != reflects:
         return result
-    value = facet_value(bsdf, wo, wi, h)
-    if value.pdf > 0.0:
-        result.event = EVENT_SCATTER
-        result.direction = wi
-        result.specular = value.specular / value.pdf
-        result.pdf = value.pdf
-    return result
+    return scattered(wi, facet_value(bsdf, wo, wi, h), 1.0)

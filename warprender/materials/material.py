@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..given import fault_of_fields
 from ..watched import Watched
 from .inputs import NORMAL, Varying, constant
 
@@ -45,6 +46,10 @@ class BaseMaterial(Watched):
         if isinstance(normal, Varying) or tuple(normal) != _PLAIN_NORMAL:
             found[NORMAL] = "normal", normal
         return found
+
+    def fault(self) -> str:
+        """What is wrong with its fields, in a few words; "" for a good material."""
+        return fault_of_fields(self, varying=Varying)
 
     def passes_light(self) -> bool:
         """Whether rays may go straight through; what does not stops shadow rays."""

@@ -24,7 +24,6 @@ from ..records import (
     EVENT_ABSORB,
     EVENT_DELTA,
     EVENT_PASS,
-    EVENT_SCATTER,
     Bsdf,
     BsdfSample,
     BsdfValue,
@@ -43,6 +42,7 @@ from .microfacet import (
     schlick,
     schlick_weight,
 )
+from .scattering import scattered
 
 #: Inputs in the order of their numbers; the mode is 1 for "presence". `normal` has the number of all kinds.
 INPUTS = (
@@ -63,6 +63,7 @@ OPACITY_THRESHOLD = _NUMBERS["opacityThreshold"]
 IOR = _NUMBERS["ior"]
 SPECULAR_EDGE_COLOR = _NUMBERS["specularEdgeColor"]
 OPACITY_MODE = _NUMBERS["opacityMode"]
+OPACITY_MODES = ("transparent", "presence")
 
 
 @dataclass
@@ -111,6 +112,11 @@ class PreviewSurface(BaseMaterial):
     normal: Color = (0.0, 0.0, 1.0)
     displacement: Number = 0.0
     specularEdgeColor: Color = (1.0, 1.0, 1.0)
+
+    def fault(self) -> str:
+        """As of every material, and of the mode."""
+        known = self.opacityMode in OPACITY_MODES
+        return super().fault() or ("" if known else f"opacityMode is {self.opacityMode!r}, not one of {OPACITY_MODES}")
 
     def pack(self) -> np.ndarray:
         """Values by input number: (n, 3)."""
@@ -389,11 +395,4 @@ def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float)
         result.direction = -wo
         result.specular = wp.vec3(bsdf.pass_through / probability[3])
         return result
-    value = evaluate(scene, bsdf, wo, wi)
-    if value.pdf > 0.0:
-        result.event = EVENT_SCATTER
-        result.direction = wi
-        result.diffuse = value.diffuse / value.pdf
-        result.specular = value.specular / value.pdf
-        result.pdf = value.pdf
-    return result
+    return scattered(wi, evaluate(scene, bsdf, wo, wi), result.stay)

@@ -45,9 +45,10 @@ def analyse(
         pixels: of the picture, for the choice of visibility.
 
     Raises:
-        SceneError: an output, transport or visibility that does not exist.
+        SceneError: an output, transport or visibility that does not exist, or a light or material that is none.
     """
     check_request(request)
+    scene.check()
     found = occurring(scene, request.energy_compensation)
     lights = lit(scene, camera_light) if request.colored else {}
     transport, called_for = choose_transport(found, request, lights)
@@ -147,6 +148,8 @@ def _shutter(scene: Scene, camera: Camera, request: Request) -> tuple[tuple[floa
 
 def _note_outputs(plan: RenderPlan, request: Request) -> None:
     plan.note("denoising", "asked for" if request.denoise else "", "--denoise")
+    if request.ray_accuracy == "fast":
+        plan.reasons["fast rays"] = "asked for"
     guides = {f"output {name}": "guides the denoiser" for name in GUIDES if request.denoise}
     asked = {f"output {name}": "asked for" for name in request.outputs}
     plan.reasons |= guides | asked

@@ -35,7 +35,7 @@ class PathKey:
         features: of `materials.inputs.FEATURES`.
         sdfs: the signed distance functions, in the order of their numbers.
         terms: whether single terms of color are kept.
-        ray_accuracy: one of `RAY_ACCURACIES`.
+        ray_accuracy: how rays meet triangles, of `RAY_ACCURACIES`.
     """
 
     shapes: tuple[str, ...]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..given import is_count, is_number, shown
 from ..outputs import FILM_OUTPUTS, OUTPUTS, of_samples, term_of, terms_of
 from ..scene import SceneError
 
@@ -55,6 +56,8 @@ class Request:
 def check_outputs(names: tuple[str, ...]) -> None:
     """Raise a SceneError at the first name that is no output."""
     for name in names:
+        if not isinstance(name, str):
+            raise SceneError(f"outputs: {name!r} is not the name of an output")
         if name not in OUTPUTS and name not in FILM_OUTPUTS and name != "color" and term_of(name) is None:
             known = ", ".join((*OUTPUTS, *FILM_OUTPUTS))
             raise SceneError(f"output {name!r} is not one of color, color:0, color:1, …, {known}")
@@ -76,7 +79,9 @@ def check_request(request: Request) -> None:
         raise SceneError(f"ray accuracy {request.ray_accuracy!r} is not one of {', '.join(RAY_ACCURACIES)}")
     if request.denoise and "color" not in request.outputs:
         raise SceneError("denoising is of color, which is not among the outputs")
-    if request.bounces is not None and request.bounces < 0:
-        raise SceneError(f"bounces must be 0 or more, not {request.bounces}")
+    if request.bounces is not None and not is_count(request.bounces):
+        raise SceneError(f"bounces must be a whole number, 0 or more, not {shown(request.bounces)}")
+    if not is_number(request.texture_bytes) or not request.texture_bytes >= 0:
+        raise SceneError(f"texture_bytes must be 0 or more, not {shown(request.texture_bytes)}")
     if request.bounces and request.transport in ONE_SURFACE:
         raise SceneError(f"bounces {request.bounces}: transport {request.transport!r} follows none")
