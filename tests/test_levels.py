@@ -9,8 +9,8 @@ PACKAGE = Path(warprender.__file__).parent
 
 #: Files and folders of the package by level.
 LEVELS = (
-    {"numerics", "sampling", "color", "launch", "watched", "errors"},
-    {"records", "images", "denoise", "shutter", "picture_settings"},
+    {"numerics", "sampling", "color", "launch", "watched", "errors", "given"},
+    {"records", "images", "denoise", "shutter", "picture_settings", "stopping"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
     {"scene", "placement", "scene_arguments", "material_tables"},
@@ -19,7 +19,7 @@ LEVELS = (
     {"adaptive", "integrators", "upload", "upload_shapes", "upload_placed"}
     | {"upload_lights", "upload_light_pictures", "upload_light_tree", "upload_glow"}
     | {"attaching", "checks", "receipt"},
-    {"frame", "films", "live", "renderer", "gonioreflectometer"},
+    {"frame", "films", "live", "viewpoint", "hit_finders", "renderer", "gonioreflectometer"},
     {"usd", "sensors", "newton", "newton_shapes", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
@@ -50,6 +50,8 @@ NEIGHBOURS = {
     ("renderer", "frame"),
     ("renderer", "films"),
     ("renderer", "live"),
+    ("renderer", "viewpoint"),
+    ("renderer", "hit_finders"),
     ("cli", "study"),
     ("newton", "newton_shapes"),
     ("__main__", "__init__"),
