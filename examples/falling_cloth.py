@@ -141,7 +141,9 @@ def main() -> None:
     scene.add_camera("/eye", eye, pose)
     frame = wr.render(scene, samples=args.samples, camera="/eye", resolution=(args.width, args.width * 2 // 3))
     frame.save(args.out)
-    print(f"{hanging:.0%} of the cloth lies on the sphere; {STEPS} refits, memory +{memory[-1] - memory[STEPS // 2]} kB")
+    print(
+        f"{hanging:.0%} of the cloth lies on the sphere; {STEPS} refits, memory +{memory[-1] - memory[STEPS // 2]} kB"
+    )
 
 
 if __name__ == "__main__":

@@ -61,7 +61,9 @@ def angles_at(step: int) -> np.ndarray:
 
 
 @wp.kernel
-def mount(bodies: wp.array(dtype=wp.transformf), hand: int, camera: wp.transformf, poses: wp.array(dtype=wp.transformf)):
+def mount(
+    bodies: wp.array(dtype=wp.transformf), hand: int, camera: wp.transformf, poses: wp.array(dtype=wp.transformf)
+):
     poses[0] = bodies[hand] * camera
 
 

@@ -16,7 +16,7 @@ import warp as wp
 from .bodies import Bodies, Name, ancestors, as_names, pose_array
 from .camera import Camera
 from .errors import SceneError
-from .given import face_corners, is_number, plain_array, shown
+from .given import face_corners, is_number, plain_array, shared_rows, shown
 from .lights import Light
 from .materials import DisplayColor, Material
 from .materials.displacement import displaced
@@ -134,8 +134,8 @@ class Scene:
 
         Args:
             path: prim path, unique in the scene.
-            points: (N, 3) float32 in object space and scene units, or a `wp.array(dtype=wp.vec3)` of length N,
-                which is used in place, not copied.
+            points: (N, 3) float32 in object space and scene units. A `wp.array(dtype=wp.vec3)` of length N, and an
+                array (N, 3) float32 of PyTorch or JAX, is used in place, not copied.
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
             material: None draws `color` as a Lambert surface; a path takes
@@ -158,6 +158,8 @@ class Scene:
                 of the material is not as described.
         """
         self._claim(path)
+        with naming(path):
+            points, normals = shared_rows(points, wp.vec3), shared_rows(normals, wp.vec3)
         host = host_points(path, points)
         with naming(path):
             counts, indices = face_corners(faces)
