@@ -115,8 +115,8 @@ class Scene:
 
         Args:
             path: prim path, unique in the scene.
-            points: (N, 3) float32 in object space and scene units, or a `wp.array(dtype=wp.vec3)` of length N,
-                which is used in place, not copied.
+            points: (N, 3) float32 in object space and scene units. A `wp.array(dtype=wp.vec3)` of length N, and an
+                array (N, 3) float32 of PyTorch or JAX, is used in place, not copied.
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
             material: None draws `color` as a Lambert surface; a path takes

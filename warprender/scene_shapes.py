@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from .errors import SceneError
-from .given import face_corners, is_number, shown
+from .given import face_corners, is_number, shared_rows, shown
 from .materials import Material
 from .materials.displacement import displaced
 from .materials.inputs import Varying
@@ -30,6 +30,8 @@ def mesh_of(
     warn: Warn,
 ) -> Mesh:
     """A mesh; arguments and errors as of `Scene.add_mesh`."""
+    with naming(path):
+        points, normals = shared_rows(points, wp.vec3), shared_rows(normals, wp.vec3)
     host = host_points(path, points)
     with naming(path):
         counts, indices = face_corners(faces)
