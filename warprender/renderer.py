@@ -21,7 +21,7 @@ from .frame import Frame, Stats
 from .framing import camera_at, choose_camera, choose_camera_path, choose_data_window, choose_resolution
 from .integrators import RADIANCE
 from .integrators.none import launch_outputs
-from .integrators.samples import PathRequest, launch_samples, samples_kernel
+from .integrators.samples import PathRequest, launch_samples, path_request, samples_kernel
 from .launch import thread_count
 from .live import LiveScene
 from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, term_of, terms_of
@@ -416,14 +416,8 @@ class Renderer:
         return taken, False
 
     def _path_request(self, seed: int) -> PathRequest:
-        request = PathRequest()
-        request.seed = seed & 0xFFFFFFFF
-        request.sobol = int(self._sobol)
-        request.bounces = int(self.plan.bounds["bounces"])
-        request.unfiltered = int(not self.request.filter_textures)
+        request = path_request(self.request, self.plan, seed, self._sobol)
         request.terms = self._films.last.terms
-        request.visible.lights = int(self.request.lights_visible)
-        request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:

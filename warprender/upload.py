@@ -29,6 +29,7 @@ class Upload:
         world: the tree of the instances; its positions are relative to `origin`.
         rig: the bodies that instances hang on.
         lights: what was uploaded of the lights.
+        places: how often instances were placed.
         origin: (3,) float64 world position that positions on the device are relative to; a float32 value.
         texture_bytes: bytes that the pictures take.
         warnings: one line for each thing that could not be drawn.
@@ -52,7 +53,7 @@ class Upload:
         were in the upload `before` are taken over from it.
         """
         self.device, self.origin = device, rounded_origin(origin)
-        self._scene, self._kept = scene, []
+        self._scene, self._kept, self.places = scene, [], 0
         self._written: list[int] = []
         self._assignments = -1
         self._materials = {key: i for i, key in enumerate(scene.materials)}
@@ -98,6 +99,7 @@ class Upload:
         self.world.move_origin(self.origin)
         self.world.refit(sorted(changed))
         self.record.world = self.world.world
+        self.places += 1
 
     def place_at_rest(self) -> None:
         """Take over transforms and visibility of placements that are otherwise as they were; `place` then."""

@@ -16,6 +16,7 @@ from ..color import luminance
 from ..film import FilmRecord, Terms, end_sample, filter_offset
 from ..launch import launch
 from ..numerics import is_finite
+from ..plan import RenderPlan, Request
 from ..records import CameraRecord, DeviceScene, Hit
 from ..sampling import DIMENSION_LENS, DIMENSION_PIXEL, REPLICATES, random_pair, sample_stream
 from ..visibility.sdf import ray_functions
@@ -50,6 +51,18 @@ class PathRequest:
     hits: wp.array2d(dtype=Hit)
     offset: wp.vec2
     terms: Terms
+
+
+def path_request(request: Request, plan: RenderPlan, seed: int, sobol: bool) -> PathRequest:
+    """What is asked of a transport, but for the samples of a pass. `sobol`: from points that are well spread."""
+    asked = PathRequest()
+    asked.seed = seed & 0xFFFFFFFF
+    asked.sobol = int(sobol)
+    asked.bounces = int(plan.bounds.get("bounces", 0))
+    asked.unfiltered = int(not request.filter_textures)
+    asked.visible.lights = int(request.lights_visible)
+    asked.visible.domes = int(request.dome_light_visible or request.lights_visible)
+    return asked
 
 
 @wp.struct

@@ -31,8 +31,8 @@ _SMALLEST_SHIFT = 6
 _BAND_ROWS = 16
 
 _CULL = {"none": 0, "back": -1, "front": 1}
-_OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": "-march=native"}
-_HEADER = (Path(__file__).parent / "raster.h").read_text()
+OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": "-march=native"}
+HEADER = (Path(__file__).parent / "raster.h").read_text()
 
 
 class Raster(NamedTuple):
@@ -98,10 +98,10 @@ class RasterTask:
 
 @cache
 def _bin_kernel() -> wp.Kernel:
-    @wp.func_native(_HEADER + "Binner::run_all(task);")
+    @wp.func_native(HEADER + "Binner::run_all(task);")
     def bin_chunks(task: RasterTask): ...
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def bin_triangles(first: wp.int32, task: RasterTask):
         bin_chunks(task)
 
@@ -110,10 +110,10 @@ def _bin_kernel() -> wp.Kernel:
 
 @cache
 def _fill_kernel() -> wp.Kernel:
-    @wp.func_native(_HEADER + "Tile::run_all(task, worker);")
+    @wp.func_native(HEADER + "Tile::run_all(task, worker);")
     def fill_bins(task: RasterTask, worker: wp.int32): ...
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def draw_bins(first: wp.int32, task: RasterTask):
         fill_bins(task, first + wp.tid())
 
@@ -124,25 +124,25 @@ def _fill_kernel() -> wp.Kernel:
 def _keyed_kernels() -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
     """One thread a triangle, then one a pixel for the large ones, then one a pixel for what users see."""
 
-    @wp.func_native(_HEADER + "Keyed::draw(task, face);")
+    @wp.func_native(HEADER + "Keyed::draw(task, face);")
     def draw_face(task: RasterTask, face: wp.int32): ...
 
-    @wp.func_native(_HEADER + "Keyed::draw_large(task, x, y);")
+    @wp.func_native(HEADER + "Keyed::draw_large(task, x, y);")
     def draw_large_faces(task: RasterTask, x: wp.int32, y: wp.int32): ...
 
-    @wp.func_native(_HEADER + "Keyed::finish(task, x, y);")
+    @wp.func_native(HEADER + "Keyed::finish(task, x, y);")
     def finish_pixel(task: RasterTask, x: wp.int32, y: wp.int32): ...
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def draw_faces(first: wp.int32, task: RasterTask):
         draw_face(task, first + wp.tid())
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def draw_large(first: wp.int32, task: RasterTask):
         pixel = first + wp.tid()
         draw_large_faces(task, pixel % task.width, pixel // task.width)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def finish_pixels(first: wp.int32, task: RasterTask):
         pixel = first + wp.tid()
         finish_pixel(task, pixel % task.width, pixel // task.width)
@@ -154,18 +154,18 @@ def _keyed_kernels() -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 def _painter_kernels() -> tuple[wp.Kernel, wp.Kernel]:
     """By what triangles are sorted; and the painting, a band of rows an item."""
 
-    @wp.func_native(_HEADER + "return Painter::depth(task, face);")
+    @wp.func_native(HEADER + "return Painter::depth(task, face);")
     def sort_depth(task: RasterTask, face: wp.int32) -> wp.float32: ...
 
-    @wp.func_native(_HEADER + "Painter::band(task, number);")
+    @wp.func_native(HEADER + "Painter::band(task, number);")
     def paint_band(task: RasterTask, number: wp.int32): ...
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def measure(first: wp.int32, task: RasterTask, depth: wp.array(dtype=wp.float32)):
         face = first + wp.tid()
         depth[face] = sort_depth(task, face)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def paint_bands(first: wp.int32, task: RasterTask):
         paint_band(task, first + wp.tid())
 
@@ -240,6 +240,10 @@ class DrawList:
         task.mesh = wp.array(self._mesh, dtype=wp.int32, device=self.device)
         task.first_face, task.matrices = self.first_face, self.matrices
         task.chunks = wp.array(_chunks(first_face, self._face_count), dtype=wp.int32, device=self.device)
+
+    def place(self, matrices: wp.array) -> None:
+        """Take the draws to clip space by another array (D,) of matrices."""
+        self.matrices = self._task.matrices = matrices
 
     def rasterize(
         self, width: int, height: int, threads: int | None = None, cull: str = "none", into: Raster | None = None
