@@ -16,6 +16,7 @@ from warprender.integrators.views import ViewKey, views_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
 from warprender.sensors.poses import place_kernel
+from warprender.shapes import live_normals
 from warprender.visibility import first_hits, placing, trees, view_raster
 from warprender.visibility.attributes import _kernel as interpolate_kernel
 
@@ -55,6 +56,7 @@ FAMILIES = {
     "pixels of views": view_raster._keyed_pixels,
     "poses": lambda: bodies.store_kernel(wp.transformf),
     "placing": lambda: placing._place_instances,
+    "normals that follow": lambda: live_normals._follow,
     "box of a mesh": lambda: trees._mesh_box,
     "matrices to clip space": lambda: first_hits._matrices_to_clip,
     "pixels for rays": lambda: first_hits._box_pixels,

@@ -31,6 +31,8 @@ ONE_SURFACE = ("local", "direct")
 #: Those that add up the lights at a surface, and reflect no other light in its rough parts.
 LIGHT_BY_LIGHT = ("local", "direct", "whitted")
 VISIBILITIES = ("rays", "raster", "painter")
+#: How rays of colour meet triangles: by our walk, or by Warp's own query, which leaks.
+RAY_ACCURACIES = ("watertight", "fast")
 
 #: Nanoseconds of one CPU thread, measured at 1280×720 with 100,000 and a million triangles, a quarter of the picture
 #: covered: a camera ray (116, 133); a rasterized pixel, and a triangle (120 where it covers 8 pixels, 30 where 1).
@@ -66,6 +68,7 @@ class PathKey:
     features: tuple[str, ...] = ()
     sdfs: tuple[wp.Function, ...] = ()
     terms: bool = False
+    ray_accuracy: str = "watertight"
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,7 @@ class Request:
     light_sampling: str = "tree"
     filter_textures: bool = True
     adaptive: bool = False
+    ray_accuracy: str = "watertight"
 
 
 @dataclass
@@ -216,6 +220,8 @@ def analyse(
     sdfs = distance_functions(scene)
     guides = GUIDES if request.denoise else ()
     _note(plan, "denoising", "asked for" if guides else "", "--denoise")
+    if request.ray_accuracy == "fast":
+        plan.reasons["fast rays"] = "asked for"
     aovs = of_first_hits((*request.outputs, *guides))
     for name in request.outputs:
         plan.reasons[f"output {name}"] = "asked for"
@@ -235,7 +241,17 @@ def analyse(
         named = ", ".join(f"color:{number}" for number in terms)
         _note(plan, "single terms", f"{named} asked for" if named else "", "--aov color:0, color:1, …")
         plan.path = PathKey(
-            shapes, materials, kinds, light_effects, effects, sampled, bool(passing), features, sdfs, bool(terms)
+            shapes,
+            materials,
+            kinds,
+            light_effects,
+            effects,
+            sampled,
+            bool(passing),
+            features,
+            sdfs,
+            bool(terms),
+            request.ray_accuracy,
         )
         _bound_bounces(plan, scene, request)
     return plan
@@ -365,6 +381,8 @@ def _check(request: Request) -> None:
         raise SceneError(f"transport 'none' gives no {name}: ask for other outputs alone, or for transport 'path'")
     if request.visibility not in (*VISIBILITIES, "auto"):
         raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
+    if request.ray_accuracy not in RAY_ACCURACIES:
+        raise SceneError(f"ray accuracy {request.ray_accuracy!r} is not one of {', '.join(RAY_ACCURACIES)}")
     if request.denoise and "color" not in request.outputs:
         raise SceneError("denoising is of color, which is not among the outputs")
     if request.bounces is not None and request.bounces < 0:

@@ -89,6 +89,8 @@ class Renderer:
         filter_textures: average texture look-ups over a quarter of the pixel's width; without it they take the
             finest level at one point, and aliasing is left to the samples.
         adaptive: give more samples to pixels among noisy ones, fewer to those among quiet ones; see `adaptive`.
+        ray_accuracy: how rays of colour meet triangles: "watertight", or "fast", `wp.mesh_query_ray`, which loses rays
+            at edges and vertices. A figure for studies: on the CPU it is the slower one.
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
@@ -123,6 +125,7 @@ class Renderer:
         light_sampling: str = "tree",
         filter_textures: bool = True,
         adaptive: bool = False,
+        ray_accuracy: str = "watertight",
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
@@ -151,6 +154,7 @@ class Renderer:
             light_sampling,
             filter_textures,
             adaptive,
+            ray_accuracy,
         )
         if denoise and not available():
             raise SceneError(MISSING)
@@ -161,7 +165,13 @@ class Renderer:
         self._with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = self._analyse()
         self._live = LiveScene(
-            scene, device, self.camera.transform, self._with_camera_light, self.plan.sdfs, texture_bytes
+            scene,
+            device,
+            self.camera.transform,
+            self._with_camera_light,
+            self.plan.sdfs,
+            texture_bytes,
+            keep_meshes=ray_accuracy == "fast",
         )
         if not (scene.placements or dome_light_visible or lights_visible):
             scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
@@ -451,7 +461,7 @@ class Renderer:
         request.first_sample, request.samples = first_sample, samples
         scene, camera, film, key = self._live.record, self._camera_record, self._films.last.record, self.plan.path
         radiance, rasterized = RADIANCE[self.plan.transport](key), self._color_hits is not None
-        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized, key.terms)
+        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized, key.terms, key.ray_accuracy)
         launch_samples(kernel, scene, camera, request, film, self.device, self.threads, pixels)
         wp.synchronize_device(self.device)
 

@@ -196,7 +196,7 @@ def first_surfaces_function(key: PathKey, shadows: bool) -> wp.Function:
     """
     shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
-    _, closest_after, _ = ray_functions(key.sdfs)
+    _, closest_after, _ = ray_functions(key.sdfs, key.ray_accuracy)
     met = met_function(key)
     glow = glow_function(key)
     reflected = reflected_function(key, shadows)

@@ -49,7 +49,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     """`radiance(scene, request, ray, hit, cone, sample) -> PathResult`: see `samples`."""
     shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, sample_bsdf = material_functions(key.materials, key.features)
-    closest, closest_after, _ = ray_functions(key.sdfs)
+    closest, closest_after, _ = ray_functions(key.sdfs, key.ray_accuracy)
     met = met_function(key)
     aimed = aimed_function(key)
     glow = glow_function(key)

@@ -85,6 +85,7 @@ def samples_kernel(
     radiance: wp.Function,
     rasterized: bool = False,
     terms: bool = False,
+    ray_accuracy: str = "watertight",
 ) -> wp.Kernel:
     """The kernel of a transport; item i is pixel i in rows from the top, which no other item writes.
 
@@ -94,9 +95,10 @@ def samples_kernel(
         radiance: from a factory that is cached on its key: the same function gives the same kernel.
         rasterized: whether the first hits are known; such a pass has one sample.
         terms: whether single terms are kept, as `radiance` was made for.
+        ray_accuracy: of `PathKey`.
     """
     camera_ray = camera_ray_function(camera_effects)
-    closest, _, _ = ray_functions(sdfs)
+    closest, _, _ = ray_functions(sdfs, ray_accuracy)
 
     @wp.kernel(module="unique", enable_backward=False)
     def samples(first: wp.int32, scene: DeviceScene, camera: CameraRecord, request: PathRequest, film: FilmRecord):

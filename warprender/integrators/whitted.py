@@ -81,7 +81,7 @@ def radiance_function(key: PathKey) -> wp.Function:
     shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
     perfect = perfect_function(key.materials)
-    closest, closest_after, _ = ray_functions(key.sdfs)
+    closest, closest_after, _ = ray_functions(key.sdfs, key.ray_accuracy)
     met = met_function(key)
     glow = glow_function(key)
     reflected = reflected_function(key, True)

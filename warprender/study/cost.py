@@ -168,6 +168,8 @@ def _without_other(effect: str, plan: RenderPlan, scene: Scene, camera: Camera) 
         yield Variant(effect, "lights met by chance alone", scene, camera, key={"sampled_lights": False})
     elif effect == "energy compensation":
         yield Variant(effect, "without", scene, camera, {"energy_compensation": False})
+    elif effect == "fast rays":
+        yield Variant(effect, "watertight ones", scene, camera, {"ray_accuracy": "watertight"})
     elif effect == "denoising":
         yield Variant(effect, "without", scene, camera, {"denoise": False})
 

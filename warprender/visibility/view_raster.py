@@ -13,7 +13,8 @@ from ..launch import RecordedLaunch
 from ..numerics import linear_of, translation_of
 from ..records import NOT_DRAWN, CameraRecord, GeometryRecord, World
 from .first_hits import box_pixels, clip_matrix, triangles_of
-from .raster import HEADER, OPTIONS, DrawList, Raster, RasterTask, Triangles
+from .raster import DrawList, Raster
+from .raster_kernels import HEADER, OPTIONS, RasterTask, Triangles
 from .worlds import Worlds
 
 #: Pixels along a side of a tile: `ViewTile` in view_raster.h.
