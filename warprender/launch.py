@@ -120,7 +120,7 @@ class RecordedLaunch:
         return cls(kernel, width * height // columns, [columns, *arguments], device, threads, smallest)
 
     def replace(self, number: int, argument: wp.array) -> None:
-        """Take another array for argument `number` from now on."""
+        """Take another array of the same type for `arguments[number]` of the constructor from now on."""
         for launch in self._launches:
             launch.set_param_at_index(number + 1, argument)
 

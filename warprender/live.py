@@ -175,7 +175,9 @@ class LiveScene:
             hung = posed_transforms(self._scene, self._light_transforms())
             if hung.keys() != self._hung.keys() or any((hung[path] != self._hung[path]).any() for path in hung):
                 return True
-        return lights.weighs_by_radius and (stepped or deformed) and scene_radius(world.boxes()) != lights.radius
+        # On CUDA the size stays that of the upload: to ask for it is to wait for the device.
+        weighs = lights.weighs_by_radius and world.device.is_cpu
+        return weighs and (stepped or deformed) and scene_radius(world.boxes()) != lights.radius
 
     def _standing(self, eye: np.ndarray) -> dict[str, Light]:
         """The lights that emit where poses have put them, and the camera's light at the camera."""

@@ -30,12 +30,8 @@ class ViewPoses:
             SceneError: they are none, or elsewhere.
         """
         try:
-            if not isinstance(poses, wp.array) and self._own is not None:
-                host = np.asarray(poses, np.float64)
-                if host.shape == (len(self._own), 7):
-                    self._own.assign(host)
-                    return self._own
-            taken = pose_array(poses, self._device)
+            kept = self._kept(poses)
+            taken = pose_array(poses, self._device) if kept is None else kept
         except ValueError as error:
             raise SceneError(f"sensor: {error}") from None
         if taken.device != self._device:
@@ -47,6 +43,16 @@ class ViewPoses:
         self._poses = taken
         return taken
 
+    def _kept(self, poses: wp.array | np.ndarray) -> wp.array | None:
+        """Numbers from the host in the array of the last ones, where they fit."""
+        if isinstance(poses, wp.array) or self._own is None:
+            return None
+        host = np.asarray(poses, np.float64)
+        if host.shape != (len(self._own), 7):
+            return None
+        self._own.assign(host)
+        return self._own
+
     def place(self, cameras: wp.array, origin: np.ndarray) -> None:
         """Fill `cameras` (V,) from the poses that were taken last, relative to `origin` (3,)."""
         poses = self._poses
@@ -55,7 +61,7 @@ class ViewPoses:
             arguments = [poses, self._lens, wp.vec3d(*origin), cameras]
             self._launch = RecordedLaunch(place_kernel(poses.dtype), len(cameras), arguments, self._device, 1)
         elif known[3] != poses.ptr:
-            self._launch.replace(1, poses)
+            self._launch.replace(0, poses)
         self._placed = cameras, poses.dtype, origin, poses.ptr
         self._launch.run()
 
