@@ -42,7 +42,7 @@ class ViewBatch:
         request.path, request.cameras, request.directions = path, self.cameras, directions
         request.width, request.height = lens.width, lens.height
         request.lists = worlds.lists.record
-        request.worlds = wp.zeros(views, dtype=wp.int32, device=device)
+        self._worlds = request.worlds = wp.zeros(views, dtype=wp.int32, device=device)
         self._fill(outputs, shape, device)
         self.pictures = {name: _pictures(array, views, lens.height) for name, array in self._arrays.items()}
         if self._raster is not None:
@@ -55,12 +55,13 @@ class ViewBatch:
 
     def draw(self, worlds: wp.array) -> None:
         """Draw the views, each of its world (V,)."""
-        self._request.worlds = worlds
-        for name, array in self._arrays.items():
-            if name in OUTPUTS:
-                array.fill_(OUTPUTS[name].dtype(OUTPUTS[name].clear))
+        if worlds is not self._worlds:
+            self._worlds = self._request.worlds = worlds
+            if self._raster is not None:
+                self._raster.look_at(worlds)
+        for array, nothing in self._cleared:
+            array.fill_(nothing)
         if self._raster is not None:
-            self._raster.look_at(worlds)
             self._raster.draw()
         self._views.run()
 
@@ -72,6 +73,8 @@ class ViewBatch:
             dtype = OUTPUTS[name].dtype if name in OUTPUTS else {"color": wp.vec4, "rgba8": wp.uint32}[name]
             self._arrays[name] = wp.empty(shape, dtype=dtype, device=device)
             setattr(owner, name, self._arrays[name])
+        aovs = [(name, OUTPUTS[name]) for name in outputs if name in OUTPUTS]
+        self._cleared = [(self._arrays[name], aov.dtype(aov.clear)) for name, aov in aovs]
 
 
 def _pictures(array: wp.array, views: int, height: int) -> wp.array:

@@ -55,14 +55,14 @@ class ViewPoses:
 
     def place(self, cameras: wp.array, origin: np.ndarray) -> None:
         """Fill `cameras` (V,) from the poses that were taken last, relative to `origin` (3,)."""
-        poses = self._poses
+        poses, place = self._poses, origin.tobytes()
         known = None if self._launch is None else self._placed
-        if known is None or known[0] is not cameras or known[1] != poses.dtype or (known[2] != origin).any():
+        if known is None or known[0] is not cameras or known[1:3] != (poses.dtype, place):
             arguments = [poses, self._lens, wp.vec3d(*origin), cameras]
             self._launch = RecordedLaunch(place_kernel(poses.dtype), len(cameras), arguments, self._device, 1)
         elif known[3] != poses.ptr:
             self._launch.replace(0, poses)
-        self._placed = cameras, poses.dtype, origin, poses.ptr
+        self._placed = cameras, poses.dtype, place, poses.ptr
         self._launch.run()
 
 

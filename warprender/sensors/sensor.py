@@ -100,8 +100,7 @@ class Sensor:
             self.images = Images(**self._batch.pictures)
         live = self._shared.live
         self._worlds.follow(live.upload)
-        live.record.energy_compensation = int(self._request.energy_compensation)
-        live.record.local_reflection = int(self.plan.transport in LIGHT_BY_LIGHT)
+        self._shared.reflect(self._request.energy_compensation, self.plan.transport in LIGHT_BY_LIGHT)
         self._poses.place(self._batch.cameras, live.upload.origin)
         self._batch.draw(seen)
         self.images.prims, self.images.labels = self.scene.prims, self.scene.semantics
