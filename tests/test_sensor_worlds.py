@@ -193,16 +193,6 @@ def test_empty_worlds_and_a_single_one(visibility):
     assert_same(one, pictures(by_number))
 
 
-def test_spheres_have_no_face_of_what_was_seen_before():
-    scene = wr.Scene()
-    scene.add_mesh("/wall", *scenes.cube(4.0), pose=[0, 0, -4, 0, 0, 0, 1])
-    scene.add_sphere("/ball", 0.5)
-    for visibility in ("rays", "raster"):
-        seen = pictures(sensor_of(scene, visibility).update([[0, 0, 4, 0, 0, 0, 1]]))
-        assert set(np.unique(seen["elementId"][seen["primId"] == "/ball"])) == {0}
-        assert 0 not in seen["elementId"][seen["primId"] == "/wall"]
-
-
 @WAYS
 def test_poses_of_every_kind_show_the_same(visibility):
     """Numbers that float32 holds, in each form that poses are taken in, and arrays that take turns."""

@@ -31,6 +31,8 @@ FOOTPRINT = wp.constant(wp.float32(0.25))
 class PathRequest:
     """Runtime values of a pass: which samples, how many bounces, which lights the camera sees.
 
+    `met` is 0 where nothing gives light that rays meet by chance: the last bounce is for aiming alone then.
+
     Where `adaptive` is 1, pixels take the samples after those that they have, as many as `counts` (H, W) says.
 
     `unfiltered` is 1 where texture look-ups take the finest level at one point.
@@ -46,6 +48,7 @@ class PathRequest:
     counts: wp.array2d(dtype=wp.int32)
     sobol: wp.int32
     bounces: wp.int32
+    met: wp.int32
     unfiltered: wp.int32
     visible: Visible
     hits: wp.array2d(dtype=Hit)
@@ -56,13 +59,19 @@ class PathRequest:
 def path_request(request: Request, plan: RenderPlan, seed: int, sobol: bool) -> PathRequest:
     """What is asked of a transport, but for the samples of a pass. `sobol`: from points that are well spread."""
     asked = PathRequest()
-    asked.seed = seed & 0xFFFFFFFF
+    asked.seed = int(seed) & 0xFFFFFFFF
     asked.sobol = int(sobol)
-    asked.bounces = int(plan.bounds.get("bounces", 0))
     asked.unfiltered = int(not request.filter_textures)
     asked.visible.lights = int(request.lights_visible)
     asked.visible.domes = int(request.dome_light_visible or request.lights_visible)
+    follow_bounds(asked, plan)
     return asked
+
+
+def follow_bounds(asked: PathRequest, plan: RenderPlan) -> None:
+    """What the plan's bounds say to the kernel, as they are now."""
+    asked.bounces = int(plan.bounds.get("bounces", 0))
+    asked.met = int(plan.bounds.get("lights can be hit", True))
 
 
 @wp.struct
@@ -143,11 +152,7 @@ def samples_kernel(
             if wp.static(terms):
                 end_sample(request.terms, pixel, is_finite(result.radiance))
             if is_finite(result.radiance):
-                value = wp.vec3d(
-                    wp.float64(result.radiance[0]),
-                    wp.float64(result.radiance[1]),
-                    wp.float64(result.radiance[2]),
-                )
+                value = wp.vec3d(result.radiance)
                 total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
                 squares += wp.cw_mul(value, value)
                 replicates[(begin + s) % REPLICATES] += wp.float64(luminance(result.radiance))

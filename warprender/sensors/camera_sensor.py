@@ -8,13 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from ..given import is_count, is_number, shown
 from ..lenses import distorted_rays, fisheye_rays, window_of_field, window_of_intrinsics
-from ..outputs import FILM_OUTPUTS
+from ..outputs import FILM_OUTPUTS, output_names
 from ..plan import Request
 from ..records import CameraRecord
 from ..scene import Scene, SceneError
 from ..texels import TEXTURE_BYTES
-from .sensor import Sensor, named
+from .sensor import Sensor
 
 LENSES = ("pinhole", "opencv", "fisheye", "orthographic")
 
@@ -82,13 +83,14 @@ class CameraSensor(Sensor):
         lights_visible: bool = False,
     ) -> None:
         _check_sizes(width=width, height=height, samples=samples)
-        if not 0 < near < far < math.inf:
-            raise SceneError(f"near and far must be positive, finite and in this order, not {near} and {far}")
+        if not (is_number(near) and is_number(far) and 0 < near < far < math.inf):
+            given = f"{shown(near)} and {shown(far)}"
+            raise SceneError(f"near and far must be positive, finite and in this order, not {given}")
         try:
             window, directions = _lens(lens, fov, intrinsics, distortion, width, height)
-        except ValueError as error:
+        except (TypeError, ValueError) as error:
             raise SceneError(f"sensor: {error}") from None
-        asked = named(outputs)
+        asked = tuple(dict.fromkeys(output_names(outputs)))
         record = CameraRecord()
         record.width, record.height, record.near, record.far = width, height, near, far
         record.window, record.orthographic = wp.vec4(*window), int(lens == "orthographic")
@@ -138,5 +140,5 @@ def _lens(
 
 def _check_sizes(**sizes: int) -> None:
     for name, size in sizes.items():
-        if size != int(size) or size < 1:
-            raise SceneError(f"{name} must be a whole number from 1 on, not {size}")
+        if not is_count(size, least=1):
+            raise SceneError(f"{name} must be a whole number from 1 on, not {shown(size)}")

@@ -9,12 +9,12 @@ import numpy as np
 import warp as wp
 
 from ..lenses import lidar_rays
-from ..outputs import OUTPUTS
+from ..outputs import OUTPUTS, output_names
 from ..plan import Request
 from ..records import CameraRecord
 from ..scene import Scene, SceneError
 from ..texels import TEXTURE_BYTES
-from .sensor import Sensor, named
+from .sensor import Sensor
 
 
 class LidarSensor(Sensor):
@@ -53,7 +53,7 @@ class LidarSensor(Sensor):
             raise SceneError(f"lidar: {error}") from None
         if not 0 <= near < far < math.inf:
             raise SceneError(f"lidar: range must be finite, from 0 on and in this order, not ({near}, {far})")
-        asked = named(outputs)
+        asked = tuple(dict.fromkeys(output_names(outputs)))
         if colors := [name for name in asked if name not in OUTPUTS]:
             raise SceneError(f"lidar: there is no output {colors[0]!r}")
         record = CameraRecord()

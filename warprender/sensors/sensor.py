@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..camera import Camera
+from ..given import is_number, shown
 from ..integrators import RADIANCE
 from ..integrators.samples import path_request
 from ..integrators.views import ViewKey, views_kernel
@@ -53,6 +54,10 @@ class Sensor:
         samples: int,
         seed: int,
     ) -> None:
+        if not isinstance(scene, Scene):
+            raise SceneError(f"scene is {shown(scene)}, not a Scene")
+        if not is_number(seed) or seed != seed // 1:
+            raise SceneError(f"seed must be a whole number, not {shown(seed)}")
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
         self._lens, self._asked, self._request, self._given_worlds = lens, outputs, request, worlds
         self._camera = Camera(projection=projection, clippingRange=(lens.near, lens.far))
@@ -157,8 +162,3 @@ class Sensor:
         path.samples = self._samples
         record = self._shared.live.record
         return ViewBatch(kernel, views, self._asked, self._lens, self._table, path, record, worlds, self.threads)
-
-
-def named(outputs: str | Sequence[str]) -> tuple[str, ...]:
-    """One name or several as a tuple, each once."""
-    return (outputs,) if isinstance(outputs, str) else tuple(dict.fromkeys(outputs))
