@@ -31,6 +31,7 @@ class Upload:
         world: the tree of the instances; its positions are relative to `origin`.
         rig: the bodies that instances hang on.
         lights: what was uploaded of the lights.
+        places: how often instances were placed.
         origin: (3,) float64 world position that positions on the device are relative to; a float32 value.
         texture_bytes: bytes that the pictures take.
         warnings: one line for each thing that could not be drawn.
@@ -56,7 +57,7 @@ class Upload:
         too, for fast rays.
         """
         self.device, self.origin = device, rounded_origin(origin)
-        self._scene, self._kept = scene, []
+        self._scene, self._kept, self.places = scene, [], 0
         self._keep_meshes = keep_meshes
         self._written: list[int] = []
         self._assignments = -1
@@ -105,6 +106,7 @@ class Upload:
         self.world.move_origin(self.origin)
         self.world.refit(sorted(changed))
         self.record.world = self.world.world
+        self.places += 1
 
     def place_at_rest(self) -> None:
         """Take over transforms and visibility of placements that are otherwise as they were; `place` then."""
