@@ -434,7 +434,7 @@ class Scene:
             raise SceneError(f"{path}: there is no such prim, or it has no copy {copy}")
 
     def check(self) -> None:
-        """Look at the fields of all materials and lights, which anything may have been assigned to.
+        """Look at what may have been assigned to materials and lights, and whether prims have their materials.
 
         Raises:
             SceneError: one cannot be drawn; the message names it and the field.
@@ -443,6 +443,10 @@ class Scene:
             check_described(key or "the scene's own material", material, BaseMaterial)
         for path, light in self.lights.items():
             check_described(path, light, Light)
+        for path, placement in self.placements.items():
+            for key in materials_of(placement):
+                if key not in self.materials:
+                    raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
 
     def _claim(self, path: str) -> None:
         if not isinstance(path, str) or not path:
