@@ -10,7 +10,7 @@ from .lights import Light
 from .material_tables import MaterialTables
 from .materials.albedo import albedo_table
 from .records import DeviceScene, GeometryRecord, InstanceRecord, PrimvarRecord, SdfRecord
-from .scene import Placement, Scene, copies_of, materials_of
+from .scene import Placement, Scene, SceneError, copies_of, materials_of
 from .shapes import Sdf, Sphere
 from .texels import TEXTURE_BYTES
 from .upload_lights import LightUpload
