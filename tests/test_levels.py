@@ -9,8 +9,8 @@ PACKAGE = Path(warprender.__file__).parent
 
 #: Files and folders of the package by level.
 LEVELS = (
-    {"numerics", "sampling", "color", "launch", "watched"},
-    {"records", "images", "denoise", "shutter"},
+    {"numerics", "sampling", "nets", "color", "launch", "watched"},
+    {"records", "images", "denoise", "shutter", "filters", "errors"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
     {"scene", "material_tables"},

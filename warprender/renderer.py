@@ -15,8 +15,8 @@ from .adaptive import PILOT, Allocation
 from .attaching import posed_transforms
 from .camera import Camera
 from .denoise import GUIDES, MISSING, available, denoised
-from .film import filter_table, pixel_offset
 from .films import Films
+from .filters import filter_table, pixel_offset
 from .frame import Frame, Stats
 from .framing import camera_at, choose_camera, choose_camera_path, choose_data_window, choose_resolution
 from .integrators import RADIANCE
@@ -187,7 +187,8 @@ class Renderer:
         Args:
             samples: a pixel; 64 when no limit is given. What is beyond a whole number is the share of the pixels, from
                 the top, that get one more.
-            error: relative RMS standard error of the frame over lit pixels (mean above 1e-3), as 0.01.
+            error: relative RMS standard error of the frame over lit pixels (mean above 1e-3), as 0.01: what
+                `stats["error"]` states.
             seconds: wall-clock time for colour samples after compiling; at least one sample is taken. The last one may
                 reach a part of the pixels alone, from the top: then `stats["samples"]` is no whole number.
             seed: another seed gives an independent picture; the same one gives the same bits on one machine.
@@ -399,7 +400,7 @@ class Renderer:
                 if batch < 1 or left <= _SPARE_SHARE * elapsed:
                     break
                 if error is not None and taken >= next_check:
-                    if self._films.last.relative_error() <= error:
+                    if self._films.last.relative_error().error <= error:
                         break
                     next_check = math.ceil(_CHECK_FACTOR * taken)
                 batch = max(1, min(2 * batch, int(min(_PASS_SECONDS, left) / per_sample)))
@@ -482,9 +483,7 @@ class Renderer:
             outputs |= {n: film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
             terms = {n: number for n in self.request.outputs if (number := term_of(n)) is not None}
             outputs |= {n: film.term(number, exposure) for n, number in terms.items()}
-            stats["rays"], stats["error"] = film.ray_counts, film.relative_error
-            stats["frame error"], stats["dropped samples"] = film.frame_error, film.dropped_samples
-            stats["unfollowed rays"] = film.unfollowed_rays
+            stats.update(film.facts())
             self._films.describe(stats)
         stats["texture bytes"] = self._live.upload.texture_bytes
         stats["plan"] = plan.as_dict
