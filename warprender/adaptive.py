@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .errors import LIT
 from .film import Film
+from .noise import LIT
 from .sampling import PARTS
 
 #: Samples a pixel of the pilot pass.

@@ -11,9 +11,9 @@ from functools import cache
 import numpy as np
 import warp as wp
 
-from .errors import Stated, frame_error, part_counts, relative_error
 from .filters import filter_table
 from .launch import launch
+from .noise import Stated, frame_error, part_counts, relative_error
 from .outputs import FILM_OUTPUTS
 
 
@@ -56,13 +56,22 @@ def keep_term(terms: Terms, pixel: int, number: int, radiance: wp.vec3):
 
 
 @wp.func
+def keep_no_term(terms: Terms, pixel: int, number: int, radiance: wp.vec3):
+    """In the place of `keep_term` where no term is kept."""
+
+
+def keep_function(terms: bool) -> wp.Function:
+    """`keep(request.terms, pixel, number, radiance)` for a transport that keeps terms apart, or does not."""
+    return keep_term if terms else keep_no_term
+
+
+@wp.func
 def end_sample(terms: Terms, pixel: int, finite: bool):
     """Add the pixel's sample to the sums, unless color dropped it, and begin another."""
     for row in range(terms.numbers.shape[0]):
         radiance = terms.sample[row, pixel]
         if finite:
-            value = wp.vec3d(wp.float64(radiance[0]), wp.float64(radiance[1]), wp.float64(radiance[2]))
-            terms.sums[row, pixel] = terms.sums[row, pixel] + value
+            terms.sums[row, pixel] = terms.sums[row, pixel] + wp.vec3d(radiance)
         terms.sample[row, pixel] = wp.vec3(0.0, 0.0, 0.0)
 
 
@@ -136,11 +145,11 @@ class Film:
         return wp.array((mean * exposure).astype(np.float32), dtype=wp.vec3, device=self.device)
 
     def relative_error(self) -> Stated:
-        """Relative RMS standard error of the frame's luminance over lit pixels: see `errors.relative_error`."""
+        """Relative RMS standard error of the frame's luminance over lit pixels: see `noise.relative_error`."""
         return relative_error(*self.parts())
 
     def frame_error(self) -> Stated:
-        """RMS standard error of luminance over lit pixels, over its RMS: see `errors.frame_error`."""
+        """RMS standard error of luminance over lit pixels, over its RMS: see `noise.frame_error`."""
         return frame_error(*self.parts())
 
     def parts(self) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
     python tests/benchmarks/calibrate_error.py [--size 48] [--seeds 20] [--samples 64 256] [SCENE ...]
 
 For each scene: pictures of several seeds against one of many samples, whose own noise is known from its four parts and
-taken off. `error` and `frame error` are as `warprender.errors.true_errors` has them. The table has the true one, stated
+taken off. `error` and `frame error` are as `warprender.noise.true_errors` has them. The table has the true one, stated
 over true as mean ± deviation over the seeds, the share of pictures within 10 %, by how much the true one varies from
 seed to seed, the share within which a picture says that it lies (median), and how often it does. Channels: the true
 error of the three channels alike, where the reference's are above 1e-3, over that of luminance.
@@ -24,7 +24,7 @@ import test_specialised as builders  # noqa: E402
 
 import warprender as wr  # noqa: E402
 from warprender.color import LUMINANCE  # noqa: E402
-from warprender.errors import LIT  # noqa: E402
+from warprender.noise import LIT  # noqa: E402
 
 #: Scene and camera (None: the scene's own) by what they show.
 SCENES = {

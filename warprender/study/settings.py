@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ..plan import ONE_SURFACE, TRANSPORTS, RenderPlan
-from ..renderer import LIGHT_SAMPLINGS, SAMPLERS
+from ..plan import LIGHT_SAMPLINGS, ONE_SURFACE, SAMPLERS, TRANSPORTS, RenderPlan
 
 #: Bounces that are tried, as far as they are below what the plan follows.
 _BOUNCES = (0, 1, 2, 4, 8, 16)
@@ -87,6 +86,8 @@ def _knobs(
                 yield "light sampling", name, (("light_sampling", name),)
     if any(name.startswith("texture ") for name in plan.reasons):
         yield "texture filter", "off", (("filter_textures", False),)
+    if plan.color_visibility == "rays" and "shape Mesh" in plan.reasons:
+        yield "rays", "fast", (("ray_accuracy", "fast"),)
     for name in ("rays", "raster", "painter"):
         if name != plan.color_visibility and plan.transport != "path":
             yield "visibility", name, (("visibility", name),)
