@@ -7,8 +7,9 @@ methods build one in Python.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 import warp as wp
@@ -16,27 +17,17 @@ import warp as wp
 from .bodies import Bodies, Name, ancestors, as_names, pose_array
 from .camera import Camera
 from .errors import SceneError
+from .given import plain_array, shown
 from .lights import Light
 from .materials import DisplayColor, Material
-from .materials.displacement import displaced
-from .materials.inputs import Varying
+from .materials.material import BaseMaterial
 from .picture_settings import PictureSettings, RenderProduct, RenderSettings
-from .placement import Placement, copies_of, materials_of
-from .scene_arguments import host_points, pose_matrix, vectors_primvar
-from .shapes import Mesh, Primvar, Sdf, Sphere
+from .placement import Placement, copies_of
+from .scene_arguments import check_described, pose_matrix
+from .scene_shapes import displaced_as, mesh_of, sdf_of, sphere_of
+from .shapes import Mesh, Sdf, Sphere
 
-#: A scene and what it is made of, for those who read one.
-__all__ = [
-    "PictureSettings",
-    "Placement",
-    "RenderProduct",
-    "RenderSettings",
-    "Scene",
-    "SceneError",
-    "copies_of",
-    "materials_of",
-    "pose_matrix",
-]
+Shape = TypeVar("Shape", Mesh, Sphere, Sdf)
 
 
 @dataclass
@@ -124,8 +115,8 @@ class Scene:
 
         Args:
             path: prim path, unique in the scene.
-            points: (N, 3) float32 in object space and scene units, or a `wp.array(dtype=wp.vec3)` of length N,
-                which is used in place, not copied.
+            points: (N, 3) float32 in object space and scene units. A `wp.array(dtype=wp.vec3)` of length N, and an
+                array (N, 3) float32 of PyTorch or JAX, is used in place, not copied.
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
             material: None draws `color` as a Lambert surface; a path takes
@@ -144,32 +135,12 @@ class Scene:
             The mesh, as `scene.meshes[path]` has it.
 
         Raises:
-            SceneError: the path is taken, an array has the wrong shape, or an index is out of range.
+            SceneError: the path is taken, an array has the wrong shape or type, an index is out of range, or a field
+                of the material is not as described.
         """
         self._claim(path)
-        host = host_points(path, points)
-        faces = [np.asarray(f, np.int64).reshape(-1) for f in faces]
-        counts = np.array([len(f) for f in faces], np.int64)
-        indices = np.concatenate(faces) if faces else np.zeros(0, np.int64)
-        if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
-            raise SceneError(f"{path}: a face index is outside 0…{len(points) - 1}")
-        mesh = Mesh.from_polygons(host, counts, indices)
-        if isinstance(points, wp.array):
-            mesh.points = points
-        if isinstance(normals, (str, wp.array)):
-            mesh.normals = normals
-        elif normals is not None:
-            mesh.normals = vectors_primvar(path, "normals", normals, len(host))
-        if color is not None:
-            mesh.primvars["displayColor"] = vectors_primvar(path, "color", color, len(host))
-        if st is not None:
-            st = np.asarray(st, np.float32)
-            if st.shape != (len(host), 2):
-                raise SceneError(f"{path}: st has shape {st.shape}, not {(len(host), 2)}")
-            mesh.primvars["st"] = Primvar(st, "vertex")
-        mesh = self._displaced(path, mesh, material)
-        self._place(path, mesh, material, pose)
-        return mesh
+        mesh = mesh_of(path, points, faces, normals, color, st, self.warn)
+        return self._place(path, mesh, material, pose)
 
     def add_sphere(
         self,
@@ -183,7 +154,7 @@ class Scene:
 
         Args:
             path: prim path, unique in the scene.
-            radius: in scene units; 0 and below draw nothing.
+            radius: in scene units; 0 and below draw nothing, with a warning.
             material: as in `add_mesh`.
             pose: as in `add_mesh`; a matrix with a scale makes an ellipsoid.
             color: one (3,) colour, as in `add_mesh`.
@@ -195,18 +166,13 @@ class Scene:
             SceneError: the path is taken, or an array has the wrong shape.
         """
         self._claim(path)
-        sphere = Sphere(radius)
-        if color is not None:
-            sphere.primvars["displayColor"] = vectors_primvar(path, "color", color, 1)
-        sphere = self._displaced(path, sphere, material)
-        self._place(path, sphere, material, pose)
-        return sphere
+        return self._place(path, sphere_of(path, radius, color, self.warn), material, pose)
 
     def add_sdf(
         self,
         path: str,
-        distance: wp.Function | np.ndarray,
-        bounds: np.ndarray | Sequence,
+        distance: wp.Function | np.ndarray | wp.Volume,
+        bounds: np.ndarray | Sequence | None = None,
         material: Material | str | None = None,
         pose: object = None,
         color: Sequence | None = None,
@@ -219,8 +185,10 @@ class Scene:
         Args:
             path: prim path, unique in the scene.
             distance: a `wp.func` of a `wp.vec3` in object space, or of that and `parameters` as a `wp.vec4`, that
-                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds.
-            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end.
+                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds; or a
+                `wp.Volume` of float32 on the CPU, whose world is object space.
+            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end. A `wp.Volume`
+                has its own.
             material: as in `add_mesh`.
             pose: as in `add_mesh`.
             color: one (3,) colour, as in `add_mesh`.
@@ -236,17 +204,9 @@ class Scene:
             SceneError: the path is taken, or an argument is not as described; no material has this path.
         """
         self._claim(path)
-        given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
-        try:
-            sdf = Sdf(bounds=bounds, lipschitz=lipschitz, precision=precision, parameters=tuple(parameters), **given)
-        except (TypeError, ValueError) as error:
-            raise SceneError(f"{path}: {error}") from None
-        if fault := sdf.fault():
-            raise SceneError(f"{path}: {fault}")
-        if color is not None:
-            sdf.primvars["displayColor"] = vectors_primvar(path, "color", color, 1)
-        self._place(path, self._displaced(path, sdf, material), material, pose)
-        return sdf
+        shape = {"bounds": bounds, "lipschitz": lipschitz, "precision": precision, "parameters": parameters}
+        sdf = sdf_of(path, distance, color, **shape)
+        return self._place(path, sdf, material, pose)
 
     def add_instances(self, path: str, prototype: str, poses: Sequence | np.ndarray) -> Placement:
         """Draw the shape of the prim `prototype` once more for each pose; it is stored once.
@@ -266,7 +226,11 @@ class Scene:
         if prototype not in self.placements:
             raise SceneError(f"{path}: there is no prim {prototype} to draw instances of")
         source = self.placements[prototype]
-        transforms = np.stack([pose_matrix(p, path) for p in poses]) if len(poses) else np.zeros((0, 4, 4))
+        poses = plain_array(poses)
+        if poses.ndim == 0:
+            raise SceneError(f"{path}: poses are {shown(poses[()])}, not (K, 7) or (K, 4, 4) numbers")
+        transforms = [pose_matrix(pose, f"{path}[{k}]") for k, pose in enumerate(poses)]
+        transforms = np.stack(transforms) if transforms else np.zeros((0, 4, 4))
         ids = np.arange(len(transforms), dtype=np.int32)
         placement = Placement(path, source.shape, transforms, source.material, ids)
         self.placements[path] = placement
@@ -284,12 +248,13 @@ class Scene:
             The light's path.
 
         Raises:
-            SceneError: the path is taken, or the pose has the wrong shape.
+            SceneError: the path is taken, it is no light, or a field of it or the pose is not as described.
         """
         path = path or f"/Lights/{type(light).__name__}{len(self.lights)}"
         self._claim(path)
-        if pose is not None:
+        if pose is not None and isinstance(light, Light):
             light.transform = pose_matrix(pose, path)
+        check_described(path, light, Light)
         self.lights[path] = light
         return path
 
@@ -306,11 +271,15 @@ class Scene:
             The camera.
 
         Raises:
-            SceneError: the path is taken, or the pose has the wrong shape.
+            SceneError: the path is taken, it is no camera, or a field of it or the pose is not as described.
         """
         self._claim(path)
-        if pose is not None:
+        if pose is not None and isinstance(camera, Camera):
             camera.transform = pose_matrix(pose, path)
+        if not isinstance(camera, Camera):
+            raise SceneError(f"{path}: {shown(camera)} is not a Camera")
+        if fault := camera.wrong_field():
+            raise SceneError(f"{path}: {fault}")
         self.cameras[path] = camera
         return camera
 
@@ -339,6 +308,8 @@ class Scene:
         Raises:
             SceneError: a path is not in the scene, or occurs twice.
         """
+        if not isinstance(paths, (str, tuple, list, np.ndarray)):
+            raise SceneError(f"{shown(paths)} is no prim path, nor a row of them")
         names, device = as_names(paths), str(wp.get_device(device))
         if (known := self.bodies.known(names, device)) is not None:
             return known
@@ -382,7 +353,11 @@ class Scene:
         Raises:
             SceneError: a path is not in the scene.
         """
+        if not isinstance(paths, (str, Iterable)):
+            raise SceneError(f"set_visible: {shown(paths)} is no prim path, nor a row of them")
         for path in (paths,) if isinstance(paths, str) else paths:
+            if not isinstance(path, str):
+                raise SceneError(f"set_visible: {shown(path)} is no prim path")
             self._check_body(path)
             for things in (self.placements, self.lights):
                 for name in things:
@@ -396,36 +371,41 @@ class Scene:
             if any(name in t for t in things) or any(name in ancestors(p) for t in things for p in t):
                 return
             raise SceneError(f"{name}: there is no such prim in the scene")
+        if not (isinstance(name, tuple) and len(name) == 2):
+            raise SceneError(f"{shown(name)} is no prim path, nor a pair of one and the number of a copy")
         path, copy = name
         if path not in self.placements or copy not in copies_of(self.placements[path]):
             raise SceneError(f"{path}: there is no such prim, or it has no copy {copy}")
 
+    def check(self) -> None:
+        """Look at the fields of all materials and lights, which anything may have been assigned to.
+
+        Raises:
+            SceneError: one cannot be drawn; the message names it and the field.
+        """
+        for key, material in self.materials.items():
+            check_described(key or "the scene's own material", material, BaseMaterial)
+        for path, light in self.lights.items():
+            check_described(path, light, Light)
+
     def _claim(self, path: str) -> None:
+        if not isinstance(path, str) or not path:
+            raise SceneError(f"a path is a text such as '/World/box', not {shown(path)}")
         if path in self.placements or path in self.lights or path in self.cameras:
             raise SceneError(f"{path}: the path is already in the scene")
 
-    def _displaced(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None) -> Mesh | Sphere | Sdf:
-        """The shape with its points moved as its material says; unmoved, with a warning, where they cannot be."""
-        material = self.materials.get(material) if isinstance(material, str) else material
-        displacement = getattr(material, "displacement", 0.0)
-        if not isinstance(displacement, Varying) and displacement == 0.0:
-            return shape
-        if isinstance(getattr(shape, "stored", None), wp.array):
-            self.warn(f"{path}: it is not displaced: its points are used in place")
-            return shape
-        try:
-            return displaced(shape, displacement)
-        except ValueError as error:
-            self.warn(f"{path}: it is drawn without its displacement: {error}")
-            return shape
-
-    def _place(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None, pose: object) -> None:
-        key = ""
+    def _place(self, path: str, shape: Shape, material: Material | str | None, pose: object) -> Shape:
+        """Draw a shape; returns it, displaced as its material says."""
+        key = material if isinstance(material, str) else f"{path}/material" if material is not None else ""
         if isinstance(material, str):
-            key = material
             if key not in self.materials:
                 raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
+            material = self.materials[key]
         elif material is not None:
-            key = f"{path}/material"
+            check_described(key, material, BaseMaterial)
+        shape = displaced_as(path, shape, material, self.warn)
+        placement = Placement(path, shape, pose_matrix(pose, path)[None], key)
+        if material is not None:
             self.materials[key] = material
-        self.placements[path] = Placement(path, shape, pose_matrix(pose, path)[None], key)
+        self.placements[path] = placement
+        return shape

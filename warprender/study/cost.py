@@ -160,7 +160,7 @@ def _opaque(effect: str, scene: Scene, camera: Camera) -> Iterator[Variant]:
 
 
 def _without_other(effect: str, plan: RenderPlan, scene: Scene, camera: Camera) -> Iterator[Variant]:
-    if effect == "lens":
+    if effect == "depth of field":
         yield Variant(effect, "fStop 0", scene, replace(camera, fStop=0.0))
     elif effect == "clipping planes":
         yield Variant(effect, "no clippingPlanes", scene, replace(camera, clippingPlanes=()))

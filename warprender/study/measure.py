@@ -10,7 +10,8 @@ import numpy as np
 
 from .. import images
 from ..frame import Frame
-from ..renderer import FEWEST_FOR_ERROR, Renderer
+from ..renderer import Renderer
+from ..stopping import FEWEST_FOR_ERROR
 from .kept import Folder, Measurement, Reference
 from .metrics import differences, flip, flip_available
 from .settings import Setting
