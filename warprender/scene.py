@@ -171,8 +171,8 @@ class Scene:
     def add_sdf(
         self,
         path: str,
-        distance: wp.Function | np.ndarray,
-        bounds: np.ndarray | Sequence,
+        distance: wp.Function | np.ndarray | wp.Volume,
+        bounds: np.ndarray | Sequence | None = None,
         material: Material | str | None = None,
         pose: object = None,
         color: Sequence | None = None,
@@ -185,8 +185,10 @@ class Scene:
         Args:
             path: prim path, unique in the scene.
             distance: a `wp.func` of a `wp.vec3` in object space, or of that and `parameters` as a `wp.vec4`, that
-                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds.
-            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end.
+                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds; or a
+                `wp.Volume` of float32 on the CPU, whose world is object space.
+            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end. A `wp.Volume`
+                has its own.
             material: as in `add_mesh`.
             pose: as in `add_mesh`.
             color: one (3,) colour, as in `add_mesh`.

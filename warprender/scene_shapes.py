@@ -14,6 +14,7 @@ from .materials.displacement import displaced
 from .materials.inputs import Varying
 from .scene_arguments import array_argument, colors_primvar, host_points, naming, vectors_primvar
 from .shapes import Mesh, Primvar, Sdf, Sphere
+from .shapes.volume import dense
 
 #: Takes a one-line warning.
 Warn = Callable[[str], None]
@@ -67,10 +68,12 @@ def sphere_of(path: str, radius: float, color: Sequence | None, warn: Warn) -> S
     return sphere
 
 
-def sdf_of(path: str, distance: wp.Function | np.ndarray, color: Sequence | None, **fields: object) -> Sdf:
+def sdf_of(path: str, distance: wp.Function | np.ndarray | wp.Volume, color: Sequence | None, **fields: object) -> Sdf:
     """A signed distance function; arguments and errors as of `Scene.add_sdf`."""
-    given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
     try:
+        if isinstance(distance, wp.Volume):
+            distance, fields["bounds"] = dense(distance)
+        given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
         fields["parameters"] = tuple(fields["parameters"])
         sdf = Sdf(**fields, **given)
     except (TypeError, ValueError) as error:
