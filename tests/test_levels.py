@@ -13,7 +13,7 @@ LEVELS = (
     {"records", "images", "denoise", "shutter", "picture_settings", "stopping"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
-    {"scene", "placement", "scene_arguments", "material_tables"},
+    {"scene", "placement", "scene_arguments", "scene_shapes", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
     {"adaptive", "integrators", "upload", "upload_shapes", "upload_placed"}
@@ -35,6 +35,8 @@ NEIGHBOURS = {
     ("texture_lookup", "texels"),
     ("scene", "placement"),
     ("scene", "scene_arguments"),
+    ("scene", "scene_shapes"),
+    ("scene_shapes", "scene_arguments"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
     ("upload", "upload_shapes"),
