@@ -96,7 +96,7 @@ def _summary(study: Study, found: Sequence[Row], reference: Reference, account: 
     wholly = [name for name in account.skipped if name not in measured]
     if account.skipped:
         fewer = len(account.skipped) - len(wholly)
-        yield f"<p>For lack of time {len(wholly)} settings were left out, and {fewer} have fewer pictures than asked.</p>"
+        yield f"<p>For lack of time {len(wholly)} settings were left out; {fewer} have fewer pictures than asked.</p>"
     if wholly:
         yield f"<details><summary>Left out</summary>{escape('; '.join(wholly))}</details>"
 
