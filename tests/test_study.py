@@ -14,7 +14,7 @@ import warprender as wr
 from warprender import images
 from warprender.cli import main
 from warprender.plan import TRANSPORTS, RenderPlan
-from warprender.study import analysis, crops, leaks, measure
+from warprender.study import analysis, crops, leaks, measure, plots
 from warprender.study.kept import Reference
 from warprender.study.settings import ladder, sweep
 
