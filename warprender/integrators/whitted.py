@@ -3,8 +3,8 @@
 Rough lobes reflect the lights, with shadow rays, as in "direct". Perfect reflection and refraction are both followed,
 each with its Fresnel weight, by an explicit stack, the fainter of the two first: those that wait meanwhile are the
 heavier ones of pairs on the way to it, and every such turn at least halves the weight. Beyond `WHOLE_TREE` bounces
-faint rays of glass are cut (Hall and Greenberg, A Testbed for Realistic Image Synthesis, 1983), so that the tree does not grow
-without end and no more than `STACK` rays wait.
+faint rays of glass are cut (Hall and Greenberg, A Testbed for Realistic Image Synthesis, 1983), so that the tree does
+not grow without end and no more than `STACK` rays wait.
 """
 
 from __future__ import annotations
