@@ -15,8 +15,8 @@ from .camera import Camera
 from .denoise import GUIDES, MISSING, available, denoised
 from .emitters import use_camera_light
 from .errors import SceneError
-from .film import filter_table, pixel_offset
 from .films import Films
+from .filters import filter_table, pixel_offset
 from .frame import Frame, Stats
 from .framing import checked_resolution, choose_data_window, choose_resolution
 from .given import is_number, shown
@@ -181,7 +181,8 @@ class Renderer:
         Args:
             samples: a pixel; 64 when no limit is given. What is beyond a whole number is the share of the pixels, from
                 the top, that get one more.
-            error: relative RMS standard error of the frame over lit pixels (mean above 1e-3), as 0.01.
+            error: relative RMS standard error of the frame over lit pixels (mean above 1e-3), as 0.01: what
+                `stats["error"]` states.
             seconds: wall-clock time for colour samples after compiling; at least one sample is taken. The last one may
                 reach a part of the pixels alone, from the top: then `stats["samples"]` is no whole number.
             seed: another seed gives an independent picture; the same one gives the same bits on one machine.
@@ -322,7 +323,7 @@ class Renderer:
 
         film, allocation = self._films.last, None
         reports = None if progress is None else report
-        passes = Passes(limits, pixels, film.relative_error, reports, PILOT if adaptive else 0)
+        passes = Passes(limits, pixels, lambda: film.relative_error().error, reports, PILOT if adaptive else 0)
         try:
             for size in passes:
                 taken = passes.taken
@@ -400,9 +401,7 @@ class Renderer:
             outputs |= {n: film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
             terms = {n: number for n in self.request.outputs if (number := term_of(n)) is not None}
             outputs |= {n: film.term(number, exposure) for n, number in terms.items()}
-            stats["rays"], stats["error"] = film.ray_counts, film.relative_error
-            stats["frame error"], stats["dropped samples"] = film.frame_error, film.dropped_samples
-            stats["unfollowed rays"] = film.unfollowed_rays
+            stats.update(film.facts())
             self._films.describe(stats)
         stats["texture bytes"] = self._live.upload.texture_bytes
         stats["plan"] = plan.as_dict

@@ -22,7 +22,7 @@ from .lights import Light
 from .materials import DisplayColor, Material
 from .materials.material import BaseMaterial
 from .picture_settings import PictureSettings, RenderProduct, RenderSettings
-from .placement import Placement, copies_of
+from .placement import Placement, copies_of, materials_of
 from .scene_arguments import check_described, pose_matrix
 from .scene_shapes import displaced_as, mesh_of, sdf_of, sphere_of
 from .shapes import Mesh, Sdf, Sphere
@@ -115,8 +115,8 @@ class Scene:
 
         Args:
             path: prim path, unique in the scene.
-            points: (N, 3) float32 in object space and scene units, or a `wp.array(dtype=wp.vec3)` of length N,
-                which is used in place, not copied.
+            points: (N, 3) float32 in object space and scene units. A `wp.array(dtype=wp.vec3)` of length N, and an
+                array (N, 3) float32 of PyTorch or JAX, is used in place, not copied.
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
             material: None draws `color` as a Lambert surface; a path takes
@@ -171,8 +171,8 @@ class Scene:
     def add_sdf(
         self,
         path: str,
-        distance: wp.Function | np.ndarray,
-        bounds: np.ndarray | Sequence,
+        distance: wp.Function | np.ndarray | wp.Volume,
+        bounds: np.ndarray | Sequence | None = None,
         material: Material | str | None = None,
         pose: object = None,
         color: Sequence | None = None,
@@ -185,8 +185,10 @@ class Scene:
         Args:
             path: prim path, unique in the scene.
             distance: a `wp.func` of a `wp.vec3` in object space, or of that and `parameters` as a `wp.vec4`, that
-                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds.
-            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end.
+                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds; or a
+                `wp.Volume` of float32 on the CPU, whose world is object space.
+            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end. A `wp.Volume`
+                has its own.
             material: as in `add_mesh`.
             pose: as in `add_mesh`.
             color: one (3,) colour, as in `add_mesh`.
@@ -376,7 +378,7 @@ class Scene:
             raise SceneError(f"{path}: there is no such prim, or it has no copy {copy}")
 
     def check(self) -> None:
-        """Look at the fields of all materials and lights, which anything may have been assigned to.
+        """Look at what may have been assigned to materials and lights, and whether prims have their materials.
 
         Raises:
             SceneError: one cannot be drawn; the message names it and the field.
@@ -385,6 +387,10 @@ class Scene:
             check_described(key or "the scene's own material", material, BaseMaterial)
         for path, light in self.lights.items():
             check_described(path, light, Light)
+        for path, placement in self.placements.items():
+            for key in materials_of(placement):
+                if key not in self.materials:
+                    raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
 
     def _claim(self, path: str) -> None:
         if not isinstance(path, str) or not path:

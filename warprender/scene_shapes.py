@@ -8,12 +8,13 @@ import numpy as np
 import warp as wp
 
 from .errors import SceneError
-from .given import face_corners, is_number, shown
+from .given import face_corners, is_number, shared_rows, shown
 from .materials import Material
 from .materials.displacement import displaced
 from .materials.inputs import Varying
 from .scene_arguments import array_argument, colors_primvar, host_points, naming, vectors_primvar
 from .shapes import Mesh, Primvar, Sdf, Sphere
+from .shapes.volume import dense
 
 #: Takes a one-line warning.
 Warn = Callable[[str], None]
@@ -29,6 +30,8 @@ def mesh_of(
     warn: Warn,
 ) -> Mesh:
     """A mesh; arguments and errors as of `Scene.add_mesh`."""
+    with naming(path):
+        points, normals = shared_rows(points, wp.vec3), shared_rows(normals, wp.vec3)
     host = host_points(path, points)
     with naming(path):
         counts, indices = face_corners(faces)
@@ -65,10 +68,12 @@ def sphere_of(path: str, radius: float, color: Sequence | None, warn: Warn) -> S
     return sphere
 
 
-def sdf_of(path: str, distance: wp.Function | np.ndarray, color: Sequence | None, **fields: object) -> Sdf:
+def sdf_of(path: str, distance: wp.Function | np.ndarray | wp.Volume, color: Sequence | None, **fields: object) -> Sdf:
     """A signed distance function; arguments and errors as of `Scene.add_sdf`."""
-    given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
     try:
+        if isinstance(distance, wp.Volume):
+            distance, fields["bounds"] = dense(distance)
+        given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
         fields["parameters"] = tuple(fields["parameters"])
         sdf = Sdf(**fields, **given)
     except (TypeError, ValueError) as error:

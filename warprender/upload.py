@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from .attaching import Rig
+from .errors import SceneError
 from .lights import Light
 from .material_tables import MaterialTables
 from .materials.albedo import albedo_table
@@ -203,10 +204,16 @@ class Upload:
         self.record.world = self.world.world
 
     def _at_rest(self) -> tuple[np.ndarray, np.ndarray]:
-        """Transforms at rest (I, 4, 4), read-only from now on, and which of them are shown (I,)."""
+        """Transforms at rest (I, 4, 4), read-only from now on, and which of them are shown (I,).
+
+        Raises:
+            SceneError: what says which are shown does not go with them.
+        """
         if not self._drawn:
             return np.zeros((0, 4, 4)), np.zeros(0, bool)
         for placement in self._drawn:
+            if fault := placement.fault():
+                raise SceneError(f"{placement.path}: {fault}")
             placement.transforms.flags.writeable = False
         transforms = np.concatenate([placement.transforms for placement in self._drawn])
         shown = np.concatenate([np.broadcast_to(p.visible, len(p.transforms)) for p in self._drawn])
