@@ -120,8 +120,8 @@ def test_a_sliding_square_is_a_linear_ramp():
 @pytest.mark.parametrize("visibility", ["raster", "rays"])
 def test_other_transports_are_blurred_alike(visibility):
     scene, camera = slide()
-    options = {"camera": camera, "resolution": (16, 16), "transport": "local", "visibility": visibility}
-    renderer = wr.Renderer(scene, outputs="color", camera_light="off", **options)
+    options = {"transport": "local", "visibility": visibility, "sampler": "sobol"}
+    renderer = prepare(scene, camera, 16, camera_light="off", **options)
     assert_blurred(lambda seed: renderer.render(64, seed=seed).numpy("color")[..., 0].astype(float), ramp())
 
 

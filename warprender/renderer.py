@@ -23,7 +23,7 @@ from .given import is_number, shown
 from .hit_finders import HitFinders
 from .integrators import RADIANCE
 from .integrators.none import launch_outputs
-from .integrators.samples import PathRequest, launch_samples, samples_kernel
+from .integrators.samples import PathRequest, follow_bounds, launch_samples, path_request, samples_kernel
 from .launch import thread_count
 from .live import LiveScene
 from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, output_names, term_of, terms_of
@@ -341,20 +341,9 @@ class Renderer:
         return passes.taken, False
 
     def _path_request(self, seed: int) -> PathRequest:
-        request = PathRequest()
-        request.seed = int(seed) & 0xFFFFFFFF
-        request.sobol = int(self._sobol)
-        self._follow_bounds(request)
-        request.unfiltered = int(not self.request.filter_textures)
+        request = path_request(self.request, self.plan, seed, self._sobol)
         request.terms = self._films.last.terms
-        request.visible.lights = int(self.request.lights_visible)
-        request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
-
-    def _follow_bounds(self, request: PathRequest) -> None:
-        """What the plan's bounds say to the kernel, as they are now."""
-        request.bounces = int(self.plan.bounds["bounces"])
-        request.met = int(self.plan.bounds.get("lights can be hit", True))
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
         """Add samples to the first `pixels`, None for all."""
@@ -380,7 +369,7 @@ class Renderer:
         opens, closes = shutter
         for sample in range(first_sample, first_sample + samples):
             self._go_to(opens + (closes - opens) * shutter_share(request.seed, sample))
-            self._follow_bounds(request)
+            follow_bounds(request, self.plan)
             self._pass(request, sample, 1, pixels)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:

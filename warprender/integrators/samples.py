@@ -17,6 +17,7 @@ from ..film import FilmRecord, Terms, end_sample
 from ..filters import filter_offset
 from ..launch import launch
 from ..numerics import is_finite
+from ..plan import RenderPlan, Request
 from ..records import CameraRecord, DeviceScene, Hit
 from ..sampling import DIMENSION_LENS, DIMENSION_PIXEL, REPLICATES, random_pair, sample_stream
 from ..visibility.sdf import ray_functions
@@ -54,6 +55,24 @@ class PathRequest:
     hits: wp.array2d(dtype=Hit)
     offset: wp.vec2
     terms: Terms
+
+
+def path_request(request: Request, plan: RenderPlan, seed: int, sobol: bool) -> PathRequest:
+    """What is asked of a transport, but for the samples of a pass. `sobol`: from points that are well spread."""
+    asked = PathRequest()
+    asked.seed = int(seed) & 0xFFFFFFFF
+    asked.sobol = int(sobol)
+    asked.unfiltered = int(not request.filter_textures)
+    asked.visible.lights = int(request.lights_visible)
+    asked.visible.domes = int(request.dome_light_visible or request.lights_visible)
+    follow_bounds(asked, plan)
+    return asked
+
+
+def follow_bounds(asked: PathRequest, plan: RenderPlan) -> None:
+    """What the plan's bounds say to the kernel, as they are now."""
+    asked.bounces = int(plan.bounds.get("bounces", 0))
+    asked.met = int(plan.bounds.get("lights can be hit", True))
 
 
 @wp.struct

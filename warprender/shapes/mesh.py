@@ -21,6 +21,10 @@ SMOOTH = "smooth"
 POINTS = ("stored", "handed_out", "rest")
 
 
+#: Triangles with sides between these have normals that float32 holds with room to spare.
+_SMALL, _LARGE = wp.constant(wp.float32(1e-6)), wp.constant(wp.float32(1e6))
+
+
 @dataclass
 class Mesh(Watched):
     """A triangle mesh that remembers the polygons that it was cut from.
@@ -229,10 +233,12 @@ def mesh_surface(scene: DeviceScene, geometry: int, hit: Hit) -> LocalSurface:
 
 @wp.func
 def triangle_normal(p0: wp.vec3, p1: wp.vec3, p2: wp.vec3) -> wp.vec3:
-    """Direction of (p1 - p0) × (p2 - p0), computed at a scale where small triangles do not underflow."""
+    """Direction of (p1 - p0) × (p2 - p0), computed at a scale where products neither underflow nor overflow."""
     a = p1 - p0
     b = p2 - p0
     largest = wp.max(max_component(wp.abs(a)), max_component(wp.abs(b)))
+    if largest > _SMALL and largest < _LARGE:
+        return wp.cross(a, b)
     if largest == 0.0:
         return wp.vec3(0.0, 0.0, 0.0)
     return wp.cross(a / largest, b / largest)

@@ -32,6 +32,8 @@ _COLLAPSE = (
 """
 )
 
+_WORLD_TREES = _COLLAPSE + Path(__file__).with_name("world_trees.h").read_text()
+
 bits5 = wp.types.vector(length=5, dtype=wp.int32)
 
 _WORLD = """
@@ -206,6 +208,23 @@ def refit_items(
 @wp.func_native(_COLLAPSE + "Refit::inner((Wide::Node*)(nodes), count, summary.data);")
 def refit_inner(nodes: wp.uint64, count: wp.int32, summary: wp.array(dtype=wp.float32)):
     """Box all inner nodes from their children (CPU)."""
+    ...
+
+
+@wp.func_native(
+    _WORLD_TREES
+    + """
+    WorldTree::build(lowers.data, uppers.data, (int*)(items), count, (Wide::Node*)(nodes));
+"""
+)
+def build_world_tree(
+    lowers: wp.array(dtype=wp.vec3),
+    uppers: wp.array(dtype=wp.vec3),
+    items: wp.uint64,
+    count: wp.int32,
+    nodes: wp.uint64,
+):
+    """Make a tree over the instances that `items` names, with boxes (CPU); room for `count` + 1 nodes."""
     ...
 
 
