@@ -69,10 +69,10 @@ def relative_error(sums: np.ndarray, count: np.ndarray) -> Stated:
     if not lit.any():
         return Stated(0.0, 0.0)
     means = sums / count
-    usual, means, count = _usual(means)[lit], means[lit], count[lit]
-    cut = np.minimum(means, _OUTLIER * usual[:, None])
+    usual, means, count = _usual(means)[lit], _by_part(means[lit]), _by_part(count[lit])
+    cut = np.minimum(means, _OUTLIER * usual)
     # Where light is so rare that nothing is usual, it is what there is.
-    cut = np.where((_mean(cut, count) > LIT)[:, None], cut, means)
+    cut = np.where(_mean(cut, count) > LIT, cut, means)
     squares = _replicates_variance(means, count) / _mean(cut, count) ** 2
     whole = _variance(means, count) / _mean(cut, count) ** 2
     bias = _bias(whole, means, count, cut)
@@ -92,7 +92,7 @@ def frame_error(sums: np.ndarray, count: np.ndarray) -> Stated:
     lit = mean > LIT
     if not lit.any():
         return Stated(0.0, 0.0)
-    variance = _replicates_variance((sums / count)[lit], count[lit])
+    variance = _replicates_variance(_by_part(sums[lit] / count[lit]), _by_part(count[lit]))
     light, noise = (mean[lit] ** 2).sum(), variance.sum()
     # The square of a noisy mean is too large by its variance; half of it is left where there is little else.
     return _stated(variance, noise / max(light - noise, light / 2))
@@ -126,37 +126,45 @@ def _usual(means: np.ndarray) -> np.ndarray:
 
     Edges are kept: beside a bright pixel nothing is unusual.
     """
-    height, width = means.shape[:2]
-    medians = np.pad(np.median(means, axis=-1), 1)
-    mean = np.pad(means.mean(-1), 1)
-    inside = np.pad(np.ones((height, width)), 1)
-    largest, total, others = np.zeros((3, height, width))
-    for y in range(3):
-        for x in range(3):
-            place = slice(y, y + height), slice(x, x + width)
-            largest = np.maximum(largest, medians[place])
-            if (y, x) != (1, 1):
-                total, others = total + mean[place], others + inside[place]
-    return np.maximum(largest, total / np.maximum(others, 1.0))
+    # Of four numbers the median is the mean of those that are neither largest nor smallest.
+    medians = (means.sum(-1) - means.max(-1) - means.min(-1)) / (int(PARTS) - 2)
+    mean, inside = means.mean(-1), np.ones(medians.shape)
+    others = _around(np.add, inside) - inside
+    return np.maximum(_around(np.maximum, medians), (_around(np.add, mean) - mean) / np.maximum(others, 1.0))
+
+
+def _around(combine: np.ufunc, values: np.ndarray) -> np.ndarray:
+    """Of 3 × 3 pixels, or as many as there are; values are not negative."""
+    for axis in range(2):
+        rows = np.moveaxis(values, axis, 0)
+        found = rows.copy()
+        combine(found[1:], rows[:-1], out=found[1:])
+        combine(found[:-1], rows[1:], out=found[:-1])
+        values = np.moveaxis(found, 0, axis)
+    return values
+
+
+def _by_part(values: np.ndarray) -> np.ndarray:
+    """(N, PARTS) → (PARTS, N), in order in memory."""
+    return np.ascontiguousarray(values.T)
 
 
 def _mean(values: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Of all samples, from the means (N, R) of as many groups of them."""
-    return (values * count).sum(-1) / count.sum(-1)
+    """Of all samples, from the means (R, N) of as many groups of them."""
+    return (values * count).sum(0) / count.sum(0)
 
 
 def _variance(means: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Of the mean of all samples, from the means (N, R) of as many independent groups of them."""
-    gap = means - _mean(means, count)[:, None]
-    return _mean(gap**2, count) / (means.shape[-1] - 1)
+    """Of the mean of all samples, from the means (R, N) of as many independent groups of them."""
+    gap = means - _mean(means, count)
+    return _mean(gap * gap, count) / (len(means) - 1)
 
 
 def _replicates_variance(means: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Of the mean of all samples, from the means (N, PARTS) of the parts of independent replicates."""
+    """Of the mean of all samples, from the means (PARTS, N) of the parts of independent replicates."""
     step = int(REPLICATES)
-    groups = [slice(first, None, step) for first in range(step)]
-    of_groups = np.stack([_mean(means[:, group], count[:, group]) for group in groups], -1)
-    return _variance(of_groups, np.stack([count[:, group].sum(-1) for group in groups], -1))
+    of_groups = np.stack([_mean(means[first::step], count[first::step]) for first in range(step)])
+    return _variance(of_groups, np.stack([count[first::step].sum(0) for first in range(step)]))
 
 
 def _bias(whole: np.ndarray, means: np.ndarray, count: np.ndarray, cut: np.ndarray) -> np.ndarray:
@@ -167,12 +175,12 @@ def _bias(whole: np.ndarray, means: np.ndarray, count: np.ndarray, cut: np.ndarr
     parts = int(PARTS)
     bias, sound = (1 - parts) * whole, np.ones(whole.shape, bool)
     for left_out in range(parts):
-        kept = [part for part in range(parts) if part != left_out]
-        share = count[:, kept].sum(-1) / count.sum(-1)
-        mean = _mean(cut[:, kept], count[:, kept])
+        other_means, other_count, other_cut = (np.delete(values, left_out, 0) for values in (means, count, cut))
+        share = other_count.sum(0) / count.sum(0)
+        mean = _mean(other_cut, other_count)
         # What is left of the pixel's light may be none: then it says nothing.
         sound &= mean > LIT / 4
         # Scaled to a pixel with as many samples as the whole has.
-        variance = _variance(means[:, kept], count[:, kept]) * share
+        variance = _variance(other_means, other_count) * share
         bias += share * variance / np.maximum(mean, LIT / 4) ** 2
     return np.where(sound, bias, 0.0)
