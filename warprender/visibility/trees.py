@@ -15,7 +15,7 @@ REBUILD_AT = 2.0  # refit trees lose quality: rebuild when a ray is expected to 
 CLEAN_RANGE = 1e-9, 1e9  # coordinates outside are rescaled: products of lengths would leave float32's range
 
 
-class _Memory:
+class Memory:
     """Uninitialised bytes that begin on a cache line; numpy asks for huge pages, which spares TLB misses."""
 
     def __init__(self, size):
@@ -28,11 +28,11 @@ class WideTree:
 
     def __init__(self, kind, tree_id, leaves):
         inner = max(leaves, 1)
-        plans = _Memory(2 * leaves * native.PLAN_BYTES)
+        plans = Memory(2 * leaves * native.PLAN_BYTES)
         counts = wp.zeros(3, dtype=wp.int32, device="cpu")
-        self.nodes = _Memory(inner * native.NODE_BYTES)
+        self.nodes = Memory(inner * native.NODE_BYTES)
         leaf_bytes = native.BLOCK_BYTES if kind == 0 else 4
-        self.leaves = _Memory(leaves * leaf_bytes)
+        self.leaves = Memory(leaves * leaf_bytes)
         blocks, items = (self.leaves.address, 0) if kind == 0 else (0, self.leaves.address)
         self.slots = wp.empty(leaves if kind == 0 else 0, dtype=wp.int32, device="cpu")
         arguments = [kind, tree_id, plans.address, self.nodes.address, blocks, items, self.slots, counts]
@@ -173,6 +173,11 @@ class MeshTree:
         box = (np.inf, -np.inf) if self._wide is None else self._wide.box
         for array, corner in zip((lowers, uppers), box, strict=True):
             array[number : number + 1].assign(np.full((1, 3), corner / np.float32(self.scale), np.float32))
+
+    @property
+    def faces(self):
+        """Number of triangles."""
+        return len(self.indices) // 3
 
     @property
     def cached(self):
