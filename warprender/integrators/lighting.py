@@ -9,7 +9,7 @@ from functools import cache
 
 import warp as wp
 
-from ..lights.choice import choose_light, probability_of
+from ..lights.choice import choose_light, only_light, probability_of
 from ..lights.dispatch import GLOWING, kind_of, light_functions, shaping_function
 from ..lights.glowing_sphere import density_along
 from ..lights.linking import is_linked
@@ -423,13 +423,15 @@ def aimed_function(key: PathKey) -> wp.Function:
         sample: SampleStream,
         step: int,
     ) -> Met:
-        u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
-        normal = surface.geometric_normal
-        if wp.static(transmission):
-            normal = light_normal(surface, bsdf)
-        choice = choose_light(scene, surface.position, normal, u)
+        choice = only_light(scene)
         if choice.index < 0:
-            return Met()
+            normal = surface.geometric_normal
+            if wp.static(transmission):
+                normal = light_normal(surface, bsdf)
+            u = random_pair(sample, step, DIMENSION_LIGHT_CHOICE)
+            choice = choose_light(scene, surface.position, normal, u)
+            if choice.index < 0:
+                return Met()
         light = scene.lights[choice.index]
         if wp.static(glow):
             light = narrowed(scene, light, choice.leaf)
