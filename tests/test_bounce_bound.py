@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+import scenes
+from pictures import prepare
 
 import warprender as wr
 from warprender.plan import BOUNCE_TOLERANCE, MOST_BOUNCES, Request, analyse
@@ -17,8 +19,8 @@ def bounds_of(material=None, color=None, **options):
 
 
 def left_out(albedo, bounces):
-    """Σ ρ^k over k > d: no less than what more than d + 1 scatterings bring."""
-    return sum(albedo**k for k in range(bounces + 1, bounces + 5000))
+    """Σ ρ^n over n > d + 1, as d bounces bring d + 1 scatterings."""
+    return sum(albedo**n for n in range(bounces + 2, bounces + 50000))
 
 
 def assert_smallest(bounds):
@@ -60,3 +62,44 @@ def test_a_textured_albedo_has_no_bound_below_1():
     assert bounds_of(wr.PreviewSurface(diffuseColor=wr.Texture(NOISE)))["bounces"] == MOST_BOUNCES
     glass = wr.Dielectric(transmissionColor=wr.Texture(NOISE))
     assert bounds_of(glass)["bounces"] == MOST_BOUNCES
+
+
+@pytest.mark.parametrize(("albedo", "bounces"), [(0.0, 0), (0.0099, 0), (0.0101, 1), (0.5, 13), (0.999, MOST_BOUNCES)])
+def test_counts_by_hand(albedo, bounces):
+    """ρ² / (1 - ρ) passes 1e-4 at ρ = 0.00995; 2^-14 = 6.1e-5 is what 13 bounces leave of a half."""
+    bounds = bounds_of(color=(albedo,) * 3)
+    assert bounds["bounces"] == bounces
+    if albedo > 0:
+        assert bounds["unfollowed"] == pytest.approx(left_out(bounds["albedo"], bounces), rel=1e-6)
+
+
+@pytest.mark.parametrize("albedo", [1.0, 1.5, np.inf])
+def test_more_than_all_light_is_taken_as_all(albedo):
+    bounds = bounds_of(color=(albedo, 0.1, 0.1))
+    assert (bounds["albedo"], bounds["bounces"], bounds["unfollowed"]) == (1.0, MOST_BOUNCES, np.inf)
+
+
+@pytest.mark.parametrize("asked", [0, 1, 7])
+def test_the_bound_stands_for_an_asked_number_too(asked):
+    bounds = bounds_of(color=(0.5, 0.5, 0.5), bounces=asked)
+    assert bounds["unfollowed"] == pytest.approx(left_out(0.5, asked), rel=1e-12)
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 3])
+def test_a_closed_grey_box_loses_the_bound(bounces):
+    """Every surface glows with radiance e and reflects ρ: d bounces show e Σ ρ^n up to n = d + 1 of e / (1 - ρ)."""
+    glow, albedo = 0.25, 0.6
+    scene = wr.Scene()
+    look = wr.PreviewSurface(
+        emissiveColor=(glow,) * 3, diffuseColor=(albedo,) * 3, useSpecularWorkflow=1, specularEdgeColor=(0, 0, 0)
+    )
+    scene.add_mesh("/box", *scenes.cube(2.0), material=look)
+    renderer = prepare(scene, scenes.camera((0.2, 0.1, 0.3)), 8, bounces=bounces, camera_light="off")
+    color = renderer.render(samples=256).numpy("color")[..., :3].astype(np.float64)
+    lost = 1.0 - color.mean() * (1.0 - albedo) / glow
+    bound = renderer.plan.bounds["unfollowed"] * (1.0 - renderer.plan.bounds["albedo"])
+    # Between what next-event estimation and chance say there is noise; five standard errors of the mean.
+    spread = 5 * np.sqrt((renderer.standard_error() ** 2).sum()) / color.size * (1.0 - albedo) / glow * np.sqrt(3)
+    assert renderer.plan.bounds["albedo"] == pytest.approx(albedo, abs=1e-6)
+    assert abs(lost - bound) < spread + 1e-5
+    assert spread < 0.2 * bound

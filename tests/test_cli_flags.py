@@ -130,6 +130,7 @@ def test_every_flag_arrives(recorder):
         "energy_compensation": True,
         "denoise": False,
         "light_sampling": "tree",
+        "ray_accuracy": "watertight",
         "filter_textures": True,
         "adaptive": False,
     }

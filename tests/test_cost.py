@@ -33,7 +33,7 @@ def test_an_effect_that_is_taken_away_is_gone_from_the_plan(build):
             assert variant.effect in base.plan.reasons and variant.effect not in left.plan.reasons
     # What can be taken away, is.
     named = {v.effect for v in variants}
-    for effect in ("lens", "straight through", "shadow rays", "clipping planes", "material PreviewSurface"):
+    for effect in ("depth of field", "straight through", "shadow rays", "clipping planes", "material PreviewSurface"):
         assert (effect in base.plan.reasons) == (effect in named), effect
 
 

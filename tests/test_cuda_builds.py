@@ -15,6 +15,7 @@ from warprender.integrators.samples import samples_kernel
 from warprender.integrators.views import ViewKey, views_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
+from warprender.shapes import live_normals
 from warprender.visibility import first_hits, placing, trees, view_raster
 from warprender.visibility.attributes import _kernel as interpolate_kernel
 
@@ -49,6 +50,7 @@ FAMILIES = {
     "matrices of a view": lambda: view_raster._view_matrices,
     "poses": lambda: bodies._store_single,
     "placing": lambda: placing._place_instances,
+    "normals that follow": lambda: live_normals._follow,
     "box of a mesh": lambda: trees._mesh_box,
     "matrices to clip space": lambda: first_hits._matrices_to_clip,
     "pixels for rays": lambda: first_hits._box_pixels,

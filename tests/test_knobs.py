@@ -6,8 +6,9 @@ import scenes
 from pictures import prepare
 
 import warprender as wr
+from warprender.shapes.primvar import Primvar
 from warprender.study.analysis import bias_and_deviation
-from warprender.study.measure import Reference
+from warprender.study.kept import Reference
 
 
 def lamps():
@@ -82,6 +83,38 @@ def test_textures_without_a_filter_have_the_same_mean_and_more_noise():
         assert abs(picture.mean() - 0.5) < 4 * 0.5 / np.sqrt(64 * size**2)
 
 
-def test_unknown_ways_are_named():
-    with pytest.raises(wr.SceneError, match="'best' is not one of tree, power, none"):
-        wr.Renderer(*lamps(), (4, 4), light_sampling="best")
+def shells():
+    """Two glassy balls of triangles, one in the other, with colours and normals at their vertices, on a floor."""
+    scene = wr.Scene()
+    points, faces = scenes.icosphere(3)
+    for name, size in (("inner", 0.6), ("outer", 1.0)):
+        mesh = scene.add_mesh(f"/{name}", size * points, faces, wr.DisplayColor(opacity=0.5), normals=points)
+        mesh.primvars["displayColor"] = Primvar(np.float32(0.5 + 0.4 * points), "vertex")
+    floor = np.array([(-3, -1, 3), (3, -1, 3), (3, -1, -3), (-3, -1, -3)], float)
+    scene.add_mesh("/floor", floor, [[0, 1, 2, 3]], color=(0.6, 0.6, 0.6))
+    scene.add_light(wr.DistantLight(angle=0.0, intensity=1.0), pose=scenes.look_at((1, 3, 1)))
+    return scene, scenes.camera((0, 1, 4))
+
+
+def test_fast_rays_see_what_watertight_ones_see_but_at_edges():
+    scene, view = shells()
+    options = {"transport": "direct", "sampler": "independent"}
+    fast = wr.Renderer(scene, view, (48, 48), ray_accuracy="fast", **options)
+    assert fast.plan.reasons["fast rays"] == "asked for"
+    seen = fast.render(samples=4).numpy("color")
+    expected = prepare(scene, view, 48, transport="direct").render(samples=4).numpy("color")
+    # The same random numbers: nothing but a ray that slips through differs by more than rounding.
+    apart = (np.abs(seen - expected) > 1e-4 * expected.max()).any(-1)
+    assert apart.mean() < 0.01 and expected[..., 3].mean() > 0.4
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"light_sampling": "best"}, "'best' is not one of tree, power, none"),
+        ({"ray_accuracy": "slow"}, "'slow' is not one of watertight, fast"),
+    ],
+)
+def test_unknown_ways_are_named(options, message):
+    with pytest.raises(wr.SceneError, match=message):
+        wr.Renderer(*lamps(), (4, 4), **options)

@@ -9,16 +9,17 @@ PACKAGE = Path(warprender.__file__).parent
 
 #: Files and folders of the package by level.
 LEVELS = (
-    {"numerics", "sampling", "color", "launch", "watched"},
-    {"records", "images", "denoise", "shutter"},
+    {"numerics", "sampling", "color", "launch", "watched", "errors", "given"},
+    {"records", "images", "denoise", "shutter", "picture_settings", "stopping"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
-    {"scene", "material_tables"},
+    {"scene", "placement", "scene_arguments", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
-    {"adaptive", "integrators", "upload", "upload_lights", "upload_glow", "upload_shapes"}
+    {"adaptive", "integrators", "upload", "upload_shapes", "upload_placed"}
+    | {"upload_lights", "upload_light_pictures", "upload_light_tree", "upload_glow"}
     | {"attaching", "checks", "receipt"},
-    {"frame", "films", "live", "renderer", "gonioreflectometer"},
+    {"frame", "films", "live", "viewpoint", "hit_finders", "renderer", "gonioreflectometer"},
     {"usd", "sensors", "newton", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
@@ -32,16 +33,25 @@ NEIGHBOURS = {
     ("textures", "texels"),
     ("texture_lookup", "textures"),
     ("texture_lookup", "texels"),
+    ("scene", "placement"),
+    ("scene", "scene_arguments"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
     ("upload", "upload_shapes"),
     ("upload", "attaching"),
-    ("upload_lights", "upload_shapes"),
+    ("upload", "upload_placed"),
+    ("upload_placed", "upload_shapes"),
+    ("upload_lights", "upload_placed"),
+    ("upload_lights", "upload_light_pictures"),
+    ("upload_lights", "upload_light_tree"),
+    ("upload_light_tree", "upload_glow"),
     ("films", "frame"),
     ("upload_lights", "upload_glow"),
     ("renderer", "frame"),
     ("renderer", "films"),
     ("renderer", "live"),
+    ("renderer", "viewpoint"),
+    ("renderer", "hit_finders"),
     ("cli", "study"),
     ("__main__", "__init__"),
 }

@@ -11,14 +11,14 @@ from warprender.records import DeviceScene, Hit, Ray
 from warprender.sampling import cosine_hemisphere
 from warprender.shapes.surface import surface_function
 from warprender.upload import Upload
-from warprender.visibility.rays import closest
+from warprender.visibility.rays import device_functions
 
 SHAPES = ("Mesh", "Sphere")
 N = 1 << 16
 
 
 def kernel():
-    surface_at = surface_function(SHAPES)
+    surface_at, (closest, _, _) = surface_function(SHAPES), device_functions()
 
     @wp.kernel(module="unique", enable_backward=False)
     def bounce(

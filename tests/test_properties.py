@@ -14,8 +14,8 @@ from pxr import Gf
 import warprender as wr
 from warprender.camera import camera_ray_function
 from warprender.color import LUMINANCE, blackbody_tint, srgb_decode, srgb_encode
-from warprender.numerics import next_up, offset_origin, place_point, safe_normalize, tangent_of
-from warprender.records import CameraRecord, mat34
+from warprender.numerics import mat34, next_up, offset_origin, place_point, safe_normalize, tangent_of
+from warprender.records import CameraRecord
 from warprender.sampling import cosine_hemisphere, ggx_visible_normal, interval_of, one_minus_cos, uniform_cone
 from warprender.sampling import unit_disk as disk
 from warprender.scene import pose_matrix

@@ -62,6 +62,16 @@ def test_views_see_what_renderers_see(visibility):
     assert images.prims == ["/ball0", "/ball1", "/floor"]
 
 
+def test_a_sphere_has_one_element_whatever_is_beside_it():
+    scene = wr.Scene()
+    corners = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0], [0, 0, 9]]
+    scene.add_mesh("/wall", corners, [[4, 4, 4], [0, 1, 2, 3]])
+    scene.add_sphere("/ball", 0.5, pose=pose(0, 0, 1))
+    images = wr.CameraSensor(scene, 16, 16, fov=40, outputs=("elementId", "primId")).update([pose(0, 0, 4)])
+    found = np.stack([images.numpy("primId"), images.numpy("elementId")], -1).reshape(-1, 2)
+    assert {tuple(row) for row in found.tolist()} == {(0, 1), (1, 0)}
+
+
 @pytest.mark.parametrize("visibility", ["rays", "raster"])
 def test_each_view_has_its_own_camera_light(visibility):
     """A white wall under a light at the camera reads the cosine at which it is seen, from any distance."""

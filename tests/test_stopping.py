@@ -9,7 +9,7 @@ import warp as wp
 from pictures import prepare
 
 import warprender as wr
-from warprender import renderer as renderer_module
+from warprender import stopping
 from warprender.film import Film, _relative_variance
 
 
@@ -47,7 +47,7 @@ def test_the_pixels_that_a_time_limit_leaves_out_are_few_and_can_be_repeated(mon
         now[0] += samples * (pixels if count is None else count) / pixels
 
     monkeypatch.setattr(renderer, "_pass", slow_pass)
-    monkeypatch.setattr(renderer_module, "time", Clock)
+    monkeypatch.setattr(stopping, "time", Clock)
     frame = renderer.render(seconds=3.4)
     assert now[0] == pytest.approx(3.4, abs=1 / 256)
     assert frame.stats["samples"] == pytest.approx(3.4, abs=1 / 256)

@@ -13,8 +13,8 @@ import warprender as wr
 from warprender import images
 from warprender.cli import main
 from warprender.plan import TRANSPORTS, RenderPlan
-from warprender.study import analysis, measure, plots
-from warprender.study.measure import Reference
+from warprender.study import analysis, crops, measure, plots
+from warprender.study.kept import Reference
 from warprender.study.settings import ladder, sweep
 
 BOX = str(Path(__file__).parent.parent / "scenes_usd" / "cornell_box.usda")
@@ -90,9 +90,9 @@ def test_the_worst_corner_and_the_front():
     reference = np.zeros((64, 80, 3))
     color = reference.copy()
     color[40:44, 60:64] = 1.0
-    rows, columns = plots.worst_corner(color, reference, 16)
+    rows, columns = crops.worst_corner(color, reference, 16)
     assert rows.start <= 40 and rows.stop >= 44 and columns.start <= 60 and columns.stop >= 64
-    assert plots.worst_corner(color[:4], reference[:4]) == (slice(0, 4), slice(0, 4))
+    assert crops.worst_corner(color[:4], reference[:4]) == (slice(0, 4), slice(0, 4))
 
 
 def study(folder, *flags):

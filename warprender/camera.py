@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from .given import fault_of_fields, fault_of_matrix, plain_array, shown
 from .records import CameraRecord, Ray
 from .sampling import unit_disk
 from .watched import Watched
@@ -93,19 +94,22 @@ class Camera(Watched):
         lens = ("lens",) if with_lens else ()
         return (self.projection, *lens, *(("clippingPlanes",) if self.clippingPlanes else ()))
 
+    def wrong_field(self) -> str:
+        """Which field is no number, or not as many as it should be, in a few words; "" where all are."""
+        planes = _fault_of_planes(self.clippingPlanes)
+        fault = fault_of_fields(self, unbounded=("clippingRange", "focusDistance"))
+        return fault or fault_of_matrix("transform", self.transform) or planes
+
     def fault(self) -> str:
         """Why no picture can be taken with it, in a few words; "" for a good camera."""
-        near, far = self.clippingRange
-        offsets = (self.horizontalApertureOffset, self.verticalApertureOffset)
         if self.projection not in ("perspective", "orthographic"):
             return f"projection {self.projection!r} is neither perspective nor orthographic"
+        if fault := self.wrong_field():
+            return fault
+        near, far = self.clippingRange
         for name in ("focalLength", "horizontalAperture", "verticalAperture"):
             if not 0 < getattr(self, name) < np.inf:
                 return f"{name} is {getattr(self, name)}; this camera sees nothing"
-        if not np.isfinite((self.shutterOpen, self.shutterClose)).all():
-            return f"its shutter, open from {self.shutterOpen} to {self.shutterClose}, is not finite"
-        if not np.isfinite(offsets).all():
-            return f"its aperture offsets {offsets} are not finite"
         if not (near < far) or (self.projection == "perspective" and near <= 0):
             return f"clippingRange ({near:g}, {far:g}) is empty or starts behind the camera"
         if not np.isfinite(self.transform).all() or np.linalg.matrix_rank(self.transform[:3, :3]) < 3:
@@ -171,6 +175,12 @@ class Camera(Watched):
         record.origin = wp.vec3(*origin)
         record.planes = wp.array(self.clippingPlanes, dtype=wp.vec4, device=device) if self.clippingPlanes else None
         return record
+
+
+def _fault_of_planes(planes: object) -> str:
+    array = plain_array(planes)
+    good = array.size == 0 or (array.dtype.kind in "fiu" and array.ndim == 2 and array.shape[1] == 4)
+    return "" if good and array.dtype != object else f"clippingPlanes is {shown(planes)}, not rows of 4 numbers"
 
 
 def _part(window: tuple[float, float, float, float], drawn: DataWindow) -> tuple[float, float, float, float]:

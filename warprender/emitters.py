@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .errors import SceneError
 from .lights import CameraLight, DomeLight, GlowingSphere, Light, MeshLight
 from .scene import Placement, Scene, materials_of
 from .shapes import Mesh, Sdf, Sphere
@@ -28,6 +29,17 @@ def lit(scene: Scene, camera_light: bool) -> dict[str, Light]:
     if camera_light:
         lights["camera light"] = CameraLight()
     return lights
+
+
+def use_camera_light(scene: Scene, mode: str) -> bool:
+    """Whether a light is added at the camera; "auto" adds one to a scene without lights.
+
+    Raises:
+        SceneError: `mode` is not one of auto, on, off.
+    """
+    if mode not in ("auto", "on", "off"):
+        raise SceneError(f"camera light {mode!r} is not one of auto, on, off")
+    return mode == "on" or (mode == "auto" and not scene.lights)
 
 
 def _is_lit_dome(light: Light) -> bool:

@@ -61,13 +61,22 @@ def keep_term(terms: Terms, pixel: int, number: int, radiance: wp.vec3):
 
 
 @wp.func
+def keep_no_term(terms: Terms, pixel: int, number: int, radiance: wp.vec3):
+    """In the place of `keep_term` where no term is kept."""
+
+
+def keep_function(terms: bool) -> wp.Function:
+    """`keep(request.terms, pixel, number, radiance)` for a transport that keeps terms apart, or does not."""
+    return keep_term if terms else keep_no_term
+
+
+@wp.func
 def end_sample(terms: Terms, pixel: int, finite: bool):
     """Add the pixel's sample to the sums, unless color dropped it, and begin another."""
     for row in range(terms.numbers.shape[0]):
         radiance = terms.sample[row, pixel]
         if finite:
-            value = wp.vec3d(wp.float64(radiance[0]), wp.float64(radiance[1]), wp.float64(radiance[2]))
-            terms.sums[row, pixel] = terms.sums[row, pixel] + value
+            terms.sums[row, pixel] = terms.sums[row, pixel] + wp.vec3d(radiance)
         terms.sample[row, pixel] = wp.vec3(0.0, 0.0, 0.0)
 
 

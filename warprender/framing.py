@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from .camera import Camera, DataWindow
+from .given import is_count, plain_array, shown
 from .scene import Placement, Scene, SceneError
 from .shapes import Mesh, Sdf
 
@@ -70,6 +71,20 @@ def choose_resolution(scene: Scene, camera: Camera, width: int | None = None) ->
     return width, max(1, int(np.float32(width) / aspect))
 
 
+def checked_resolution(resolution: object) -> tuple[int, int]:
+    """(width, height) as it was given.
+
+    Raises:
+        SceneError: it is no pair of whole numbers from 1 on.
+    """
+    pair = plain_array(resolution)
+    if pair.shape != (2,) or not all(map(is_count, pair)):
+        raise SceneError(f"resolution is {shown(resolution)}, not (width, height) in whole pixels")
+    if min(pair) < 1:
+        raise SceneError(f"resolution {pair[0]}x{pair[1]} has no pixels")
+    return int(pair[0]), int(pair[1])
+
+
 def choose_data_window(scene: Scene, resolution: tuple[int, int]) -> DataWindow:
     """The pixels to draw of a picture of (width, height): all, or what the settings' dataWindowNDC leaves.
 
@@ -124,6 +139,7 @@ def _bounds(placement: Placement) -> np.ndarray | None:
     if isinstance(shape, Mesh):
         points = shape.host_points()
         used = points[np.unique(shape.triangles)]
+        used = used[np.isfinite(used).all(1)]
         if not len(used):
             return None
         low, high = used.min(0).astype(np.float64), used.max(0).astype(np.float64)
@@ -132,8 +148,12 @@ def _bounds(placement: Placement) -> np.ndarray | None:
         if not np.isfinite(shape.bounds).all():
             return None
     else:
+        if not 0 < shape.radius < np.inf:
+            return None
         low, high = np.full(3, -shape.radius), np.full(3, shape.radius)
-    matrices = placement.transforms
+    matrices = placement.transforms[np.isfinite(placement.transforms).all((1, 2))]
+    if not len(matrices):
+        return None
     centre = (low + high) / 2 @ matrices[:, :3, :3] + matrices[:, 3, :3]
     reach = (high - low) / 2 @ np.abs(matrices[:, :3, :3])
     return np.stack([(centre - reach).min(0), (centre + reach).max(0)])

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
+import numpy as np
 import warp as wp
 
 # A chunk must be long against a launch (about 20 µs) and short against the whole, so that threads end together.
@@ -125,11 +126,15 @@ def _chunk(count: int, threads: int, smallest: int) -> int:
 
 
 def thread_count(threads: int | None) -> int:
-    """`threads`, or the number of cores that this process may use."""
+    """`threads`, or the number of cores that this process may use.
+
+    Raises:
+        ValueError: it is no whole number from 1 on.
+    """
     if threads is not None:
-        if threads < 1:
-            raise ValueError(f"threads must be 1 or more, not {threads}")
-        return threads
+        if not isinstance(threads, (int, np.integer)) or threads < 1:
+            raise ValueError(f"threads must be a whole number, 1 or more, not {threads!r}")
+        return int(threads)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

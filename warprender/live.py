@@ -14,9 +14,10 @@ from .lights import CameraLight, Light, MeshLight
 from .plan import distance_functions
 from .records import DeviceScene
 from .scene import Scene
+from .shapes.mesh import POINTS
 from .texels import TEXTURE_BYTES
 from .upload import Upload, rounded_origin
-from .upload_lights import scene_radius
+from .upload_placed import scene_radius
 from .watched import Watched, contents, same
 
 
@@ -44,7 +45,7 @@ class Look:
         for path, placement in scene.placements.items():
             prims += [path, placement.shape, placement.material, placement.instance_ids, len(placement.transforms)]
             prims.append(placement.semantic)
-            prims += contents(placement.shape, ("stored", "handed_out"))
+            prims += contents(placement.shape, POINTS)
             places += [placement.transforms, placement.visible]
         return cls(prims, places, _entries(scene.materials), _entries(scene.lights))
 
@@ -65,18 +66,21 @@ class LiveScene:
         camera_light: bool,
         sdfs: tuple[wp.Function, ...] = (),
         texture_bytes: int = TEXTURE_BYTES,
+        keep_meshes: bool = False,
     ) -> None:
         """Upload the scene for a camera with the transform `eye` (4, 4); `camera_light` adds a light there.
 
-        `sdfs` are the plan's signed distance functions.
+        `sdfs` are the plan's signed distance functions; `keep_meshes` as of `Upload`.
         """
         self._scene, self._device, self._camera_light = scene, device, camera_light
-        self._texture_bytes = texture_bytes
+        self._texture_bytes, self._keep_meshes = texture_bytes, keep_meshes
         self.lights = lit(scene, camera_light)
         self._seen = self._glance()
         self._look = Look.at(scene)
         self._before = self._look
-        self.upload = Upload(scene, self._standing(eye), eye[3, :3], device, texture_bytes, sdfs)
+        self.upload = Upload(
+            scene, self._standing(eye), eye[3, :3], device, texture_bytes, sdfs, keep_meshes=keep_meshes
+        )
         self._remember()
 
     @property
@@ -114,8 +118,16 @@ class LiveScene:
         if self._remade or relit:
             self.lights = lit(self._scene, self._camera_light)
         if self._remade:
-            place, bytes = eye[3, :3], self._texture_bytes
-            self.upload = Upload(self._scene, self._standing(eye), place, self._device, bytes, sdfs, self.upload)
+            self.upload = Upload(
+                self._scene,
+                self._standing(eye),
+                eye[3, :3],
+                self._device,
+                self._texture_bytes,
+                sdfs,
+                self.upload,
+                self._keep_meshes,
+            )
         else:
             if placed:
                 self.upload.place_at_rest()

@@ -142,12 +142,14 @@ class Output:
         clear: what pixels hold where nothing is seen.
         write: `write(buffers, seen)`.
         of_material: whether it reads `seen.bsdf`.
+        of_normal: whether it reads the shading normal.
     """
 
     dtype: type
     clear: float | int
     write: wp.Function
     of_material: bool = False
+    of_normal: bool = False
 
 
 #: AOVs by name. Clear values as in usdImaging and hdEmbree.
@@ -155,8 +157,8 @@ OUTPUTS: dict[str, Output] = {
     "depth": Output(wp.float32, 1.0, write_depth),
     "cameraDepth": Output(wp.float32, 0.0, write_camera_depth),
     "distance": Output(wp.float32, 0.0, write_distance),
-    "normal": Output(wp.vec3, -1.0, write_normal),
-    "Neye": Output(wp.vec3, -1.0, write_eye_normal),
+    "normal": Output(wp.vec3, -1.0, write_normal, of_normal=True),
+    "Neye": Output(wp.vec3, -1.0, write_eye_normal, of_normal=True),
     "position": Output(wp.vec3, 0.0, write_position),
     "Peye": Output(wp.vec3, 0.0, write_eye_position),
     "albedo": Output(wp.vec3, 0.0, write_albedo, of_material=True),
@@ -184,6 +186,11 @@ def term_of(name: str) -> int | None:
 def terms_of(names: Iterable[str]) -> tuple[int, ...]:
     """The terms of color among the outputs; each once, sorted."""
     return tuple(sorted({number for name in names if (number := term_of(name)) is not None}))
+
+
+def output_names(outputs: object) -> tuple[str, ...]:
+    """One name or several as a tuple; what is none is left for the plan to name."""
+    return tuple(outputs) if isinstance(outputs, Iterable) and not isinstance(outputs, str) else (outputs,)
 
 
 def of_samples(names: Iterable[str]) -> bool:

@@ -63,9 +63,9 @@ def _file_hash(path: Path, modified: int, size: int) -> str:
 
 
 @cache
-def versions() -> dict[str, str]:
-    """Of the packages that pictures depend on."""
-    return {name: _version(name) for name in _PACKAGES}
+def versions(*more: str) -> dict[str, str]:
+    """Of the packages that pictures depend on, and of `more`; "" for what is not installed."""
+    return {name: _version(name) for name in (*_PACKAGES, *more)}
 
 
 def _version(package: str) -> str:

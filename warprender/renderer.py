@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,39 +11,34 @@ import numpy as np
 import warp as wp
 
 from .adaptive import PILOT, Allocation
-from .attaching import posed_transforms
 from .camera import Camera
 from .denoise import GUIDES, MISSING, available, denoised
+from .emitters import use_camera_light
+from .errors import SceneError
 from .film import filter_table, pixel_offset
 from .films import Films
 from .frame import Frame, Stats
-from .framing import camera_at, choose_camera, choose_camera_path, choose_data_window, choose_resolution
+from .framing import checked_resolution, choose_data_window, choose_resolution
+from .given import is_number, shown
+from .hit_finders import HitFinders
 from .integrators import RADIANCE
 from .integrators.none import launch_outputs
 from .integrators.samples import PathRequest, launch_samples, samples_kernel
 from .launch import thread_count
 from .live import LiveScene
-from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, term_of, terms_of
-from .plan import LIGHT_BY_LIGHT, OutputsKey, PathKey, RenderPlan, Request, analyse
+from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, output_names, term_of, terms_of
+from .plan import LIGHT_BY_LIGHT, RenderPlan, Request, analyse
 from .receipt import make_receipt
-from .scene import Scene, SceneError, pose_matrix
+from .scene import Scene
 from .shutter import shutter_share
+from .stopping import Limits, Passes
 from .texels import TEXTURE_BYTES
-from .visibility.first_hits import RasterHits, RayHits
+from .viewpoint import Viewpoint
+from .visibility.raster import LARGEST_SIDE
 
-#: Samples a pixel when neither samples, error nor seconds is asked for.
-DEFAULT_SAMPLES = 64
-#: The frame's error is trusted from this many samples a pixel on.
-FEWEST_FOR_ERROR = 16
 SAMPLERS = ("sobol", "independent")
 #: In the order of `DeviceScene.light_sampling`.
 LIGHT_SAMPLINGS = ("tree", "power", "none")
-#: A pass is short enough to report progress and to stop in time.
-_PASS_SECONDS = 0.25
-#: Samples between two looks at the error: it falls by 5 % at most meanwhile, and looking takes time too.
-_CHECK_FACTOR = 1.1
-#: Share of the time limit that is not worth another launch.
-_SPARE_SHARE = 0.005
 
 Progress = Callable[[float, Callable[[], Frame]], None]
 
@@ -66,8 +60,8 @@ class Renderer:
             Colour that the rasterizer cannot see (depth of field, paths through what is clear) is made of rays.
         transport: how light gets to the camera. "none": no color, AOVs alone. "local": the first surface's reflection
             of each light, with nothing in the way. "direct": the same with shadows. "whitted": perfect reflection
-            and refraction as well. "path": all light, by path tracing. "auto": "none", "local" or "path", the first
-            that leaves out nothing.
+            and refraction as well. "path": all light, by path tracing. "auto": the cheapest that leaves out nothing
+            that the scene calls for (docs/transports.md).
         device: Warp device, as "cpu" or "cuda:0".
         threads: CPU threads, None for all cores. The picture does not depend on it.
         bounces: reflections followed after the one at the camera's hit, None for as many as matter; 0 is
@@ -89,10 +83,11 @@ class Renderer:
         filter_textures: average texture look-ups over a quarter of the pixel's width; without it they take the
             finest level at one point, and aliasing is left to the samples.
         adaptive: give more samples to pixels among noisy ones, fewer to those among quiet ones; see `adaptive`.
+        ray_accuracy: how rays of colour meet triangles: "watertight", or "fast", `wp.mesh_query_ray`, which loses rays
+            at edges and vertices. A figure for studies: on the CPU it is the slower one.
 
     Attributes:
         plan: the `RenderPlan`: which effects occur, and which prim called for each.
-        camera: the `Camera` that was chosen, where `update` has last seen it.
         data_window: which pixels of the picture are drawn: all, or those of the render settings' dataWindowNDC.
         resolution: (width, height) of the data window in pixels.
 
@@ -123,18 +118,18 @@ class Renderer:
         light_sampling: str = "tree",
         filter_textures: bool = True,
         adaptive: bool = False,
+        ray_accuracy: str = "watertight",
     ) -> None:
         """Plan, compile and upload."""
         start = time.perf_counter()
+        if not isinstance(scene, Scene):
+            raise SceneError(f"scene is {shown(scene)}, not a Scene")
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
-        self._choose(camera)
-        self._see_camera()
-        full = resolution or choose_resolution(scene, self.camera)
-        if min(full) < 1:
-            raise SceneError(f"resolution {full[0]}x{full[1]} has no pixels")
+        self._viewpoint = Viewpoint(scene, camera)
+        full = choose_resolution(scene, self.camera) if resolution is None else checked_resolution(resolution)
         self.data_window = choose_data_window(scene, full)
         self.resolution = (self.data_window.width, self.data_window.height)
-        outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        outputs = output_names(outputs)
         self.request = Request(
             outputs,
             visibility,
@@ -151,6 +146,7 @@ class Renderer:
             light_sampling,
             filter_textures,
             adaptive,
+            ray_accuracy,
         )
         if denoise and not available():
             raise SceneError(MISSING)
@@ -161,12 +157,18 @@ class Renderer:
         self._with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = self._analyse()
         self._live = LiveScene(
-            scene, device, self.camera.transform, self._with_camera_light, self.plan.sdfs, texture_bytes
+            scene,
+            device,
+            self.camera.transform,
+            self._with_camera_light,
+            self.plan.sdfs,
+            texture_bytes,
+            keep_meshes=ray_accuracy == "fast",
         )
         if not (scene.placements or dome_light_visible or lights_visible):
             scene.warn(f"{scene.source or 'the scene'}: there is nothing to draw")
         self._sobol = sampler == "sobol"
-        self._finders: dict[str, tuple[tuple, RayHits | RasterHits]] = {}
+        self._finders = HitFinders(device)
         self._look()
         self._films = Films(*self.resolution, device, filter, terms_of(outputs))
         self._filter_table = filter_table(filter)
@@ -199,16 +201,18 @@ class Renderer:
             finished, and `stats["interrupted"]` is True.
 
         Raises:
-            SceneError: a limit is not above 0.
+            SceneError: a limit is not above 0, or the seed is no whole number.
         """
-        _check_limits(samples, error, seconds)
+        limits = Limits(samples, error, seconds)
+        if not is_number(seed) or seed != seed // 1:
+            raise SceneError(f"seed must be a whole number, not {shown(seed)}")
         start = time.perf_counter()
         values = self._render_outputs()
         self._seconds["outputs"] = time.perf_counter() - start
         taken, interrupted = 0, False
         if self.plan.path is not None:
             start = time.perf_counter()
-            taken, interrupted = self._sample(samples, error, seconds, seed, progress, values)
+            taken, interrupted = self._sample(limits, seed, progress, values)
             self._seconds["sample"] = time.perf_counter() - start
         return self._frame(values, taken, seed, interrupted)
 
@@ -239,26 +243,28 @@ class Renderer:
         Raises:
             SceneError: there is no such camera, or it can take no picture.
         """
-        if isinstance(camera, (str, Camera)):
-            self._choose(camera)
-        else:
-            self._choose(replace(self.camera, transform=pose_matrix(camera, "camera")))
+        self._viewpoint.choose(camera)
         self.update()
 
     def standard_error(self) -> np.ndarray:
         """(H, W, 3) float64 standard error of the last frame's colour; inf where a pixel has under two samples."""
         return self._films.last.standard_error() * self.camera.exposureScale
 
+    @property
+    def camera(self) -> Camera:
+        """The `Camera` that was chosen, where `update` has last seen it."""
+        return self._viewpoint.camera
+
     def _analyse(self) -> RenderPlan:
-        pixels = self.resolution[0] * self.resolution[1]
-        return analyse(self.scene, self.camera, self.request, self._with_camera_light, pixels)
+        pixels, request = self.resolution[0] * self.resolution[1], self.request
+        if request.visibility == "auto" and max(self.resolution) > LARGEST_SIDE:
+            request = replace(request, visibility="rays")
+        return analyse(self.scene, self.camera, request, self._with_camera_light, pixels)
 
     def _follow(self) -> None:
         """See what has changed: camera, scene, and the plan where effects may have come or gone."""
-        seen = self.camera.effects(), self.camera.shutterOpen, self.camera.shutterClose
-        self._see_camera()
-        now = self.camera.effects(), self.camera.shutterOpen, self.camera.shutterClose
-        if self._live.look_again() or seen != now:
+        lens_changed = self._viewpoint.look()
+        if self._live.look_again() or lens_changed:
             self.plan = self._analyse().kept_from(self.plan, self.camera)
         self._live.update(self.camera.transform, self.plan.sdfs)
         self._look()
@@ -267,36 +273,6 @@ class Renderer:
         """Bring the scene to a time in frames from its own."""
         self.scene.motion(time)
         self._follow()
-
-    def _choose(self, camera: Camera | str | None) -> None:
-        """Take a camera, or remember the path of one in the scene, which poses may move."""
-        if isinstance(camera, Camera):
-            self._camera_chosen = camera
-            path = next((path for path, other in self.scene.cameras.items() if other is camera), "")
-        else:
-            path = choose_camera_path(self.scene, camera)
-            self._camera_chosen = None if path else choose_camera(self.scene, camera)
-        self._camera_path = path
-
-    def _see_camera(self) -> None:
-        """The camera, where poses have put it.
-
-        Raises:
-            SceneError: it can take no picture, or is gone.
-        """
-        path, camera = self._camera_path, self._camera_chosen
-        if camera is None:
-            if path not in self.scene.cameras:
-                raise SceneError(f"{path}: the camera is no longer in the scene")
-            camera = camera_at(self.scene, path)
-        elif path:
-            camera = self.scene.cameras.get(path, camera)
-        moved = posed_transforms(self.scene, {path: camera.transform}) if path else {}
-        if moved:
-            camera = replace(camera, transform=moved[path])
-        if fault := camera.fault():
-            raise SceneError(f"{path or 'camera'}: {fault}")
-        self.camera = camera
 
     def _look(self) -> None:
         """Prepare for the camera, the instances and the plan as they are."""
@@ -316,31 +292,9 @@ class Renderer:
         plan = self.plan
         self._first_hits = self._color_hits = None
         if plan.outputs is not None:
-            self._first_hits = self._finder("outputs", plan.visibility, plan.outputs)
+            self._first_hits = self._finders.get("outputs", plan.visibility, plan.outputs, upload, self._camera_record)
         if plan.path is not None and plan.color_visibility != "rays":
-            self._color_hits = self._finder("color", plan.color_visibility, plan.path)
-
-    def _finder(self, use: str, visibility: str, key: PathKey | OutputsKey) -> RayHits | RasterHits:
-        """What finds first hits for one use of them, as they are now; the one before, where it can follow."""
-        kind = self._live.upload, visibility, key.camera, key.sdfs
-        known = self._finders.get(use)
-        if known is not None and known[0] == kind:
-            known[1].follow(self._live.record, self._camera_record)
-            return known[1]
-        self._finders[use] = kind, self._see(visibility, key)
-        return self._finders[use][1]
-
-    def _see(self, visibility: str, key: PathKey | OutputsKey) -> RayHits | RasterHits:
-        """What finds first hits for a kernel by "rays", "raster" or "painter"."""
-        upload, camera = self._live.upload, self._camera_record
-        if visibility == "rays":
-            return RayHits(upload.record, camera, key.camera, self.device, key.sdfs)
-        painter, boxes = visibility == "painter", upload.world.boxes
-        instances, rayed = upload.rows["geometry"], upload.boxes_for_rays()
-        triangles = [part.record for part in upload.parts]
-        return RasterHits(
-            upload.record, triangles, instances, rayed, boxes, camera, key.camera, self.device, painter, key.sdfs
-        )
+            self._color_hits = self._finders.get("color", plan.color_visibility, plan.path, upload, self._camera_record)
 
     def _render_outputs(self) -> dict[str, wp.array]:
         if self.plan.outputs is None:
@@ -354,20 +308,13 @@ class Renderer:
         return values
 
     def _sample(
-        self,
-        samples: int | None,
-        error: float | None,
-        seconds: float | None,
-        seed: int,
-        progress: Progress | None,
-        values: dict[str, wp.array],
+        self, limits: Limits, seed: int, progress: Progress | None, values: dict[str, wp.array]
     ) -> tuple[float, bool]:
         """Add passes of samples until a limit is reached; returns samples taken and whether it was cut short."""
         self._films.turn()
         request, shutter = self._path_request(seed), self.plan.shutter
-        limit = samples if samples is not None else (DEFAULT_SAMPLES if error is None and seconds is None else 2**30)
         pixels = self.resolution[0] * self.resolution[1]
-        if seconds is not None:
+        if limits.seconds is not None:
             # Compiling and loading come before the clock starts.
             self._pass(request, 0, 0)
         take = self._pass if shutter is None else partial(self._blurred_pass, shutter)
@@ -377,54 +324,44 @@ class Renderer:
             self.scene.warn(
                 "adaptive: every pixel gets the same samples, because things move while the shutter is open"
             )
-        taken, batch, start, next_check = 0, 1, time.perf_counter(), FEWEST_FOR_ERROR
-        allocation = None
+
+        def report(share: float) -> None:
+            progress(share, partial(self._frame, values, passes.taken, seed, True, settled=True))
+
+        film, allocation = self._films.last, None
+        reports = None if progress is None else report
+        passes = Passes(limits, pixels, film.relative_error, reports, PILOT if adaptive else 0)
         try:
-            while taken < limit:
-                begin = time.perf_counter()
-                # Below 1: one more sample for a part of the pixels.
-                batch = min(batch, limit - taken)
+            for size in passes:
+                taken = passes.taken
                 if adaptive and taken == PILOT:
-                    allocation = Allocation(self._films.last)
+                    allocation = Allocation(film)
                 if allocation is not None:
-                    self._adaptive_pass(request, allocation, taken, batch)
+                    self._adaptive_pass(request, allocation, taken, size)
                 else:
-                    batch = min(batch, PILOT - taken) if adaptive else batch
-                    batch = int(batch) if batch >= 1 else batch
-                    take(request, int(taken), max(int(batch), 1), round(pixels * min(batch, 1)))
-                taken += batch
-                now = time.perf_counter()
-                elapsed, per_sample = now - start, (now - begin) / batch
-                left = math.inf if seconds is None else seconds - elapsed
-                if batch < 1 or left <= _SPARE_SHARE * elapsed:
-                    break
-                if error is not None and taken >= next_check:
-                    if self._films.last.relative_error() <= error:
-                        break
-                    next_check = math.ceil(_CHECK_FACTOR * taken)
-                batch = max(1, min(2 * batch, int(min(_PASS_SECONDS, left) / per_sample)))
-                if left < per_sample:
-                    batch = max(1, round(pixels * left / per_sample)) / pixels
-                if progress is not None:
-                    share = max(taken / limit, elapsed / seconds if seconds else 0.0)
-                    progress(share, lambda n=taken: self._frame(values, n, seed, True, settled=True))
+                    take(request, int(taken), max(int(size), 1), round(pixels * min(size, 1)))
         except KeyboardInterrupt:
-            return taken, True
+            return passes.taken, True
         finally:
             if shutter is not None:
                 self._go_to(0.0)
-        return taken, False
+        return passes.taken, False
 
     def _path_request(self, seed: int) -> PathRequest:
         request = PathRequest()
-        request.seed = seed & 0xFFFFFFFF
+        request.seed = int(seed) & 0xFFFFFFFF
         request.sobol = int(self._sobol)
-        request.bounces = int(self.plan.bounds["bounces"])
+        self._follow_bounds(request)
         request.unfiltered = int(not self.request.filter_textures)
         request.terms = self._films.last.terms
         request.visible.lights = int(self.request.lights_visible)
         request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
+
+    def _follow_bounds(self, request: PathRequest) -> None:
+        """What the plan's bounds say to the kernel, as they are now."""
+        request.bounces = int(self.plan.bounds["bounces"])
+        request.met = int(self.plan.bounds["lights can be hit"])
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
         """Add samples to the first `pixels`, None for all."""
@@ -450,14 +387,14 @@ class Renderer:
         opens, closes = shutter
         for sample in range(first_sample, first_sample + samples):
             self._go_to(opens + (closes - opens) * shutter_share(request.seed, sample))
-            request.bounces = int(self.plan.bounds["bounces"])
+            self._follow_bounds(request)
             self._pass(request, sample, 1, pixels)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
         request.first_sample, request.samples = first_sample, samples
         scene, camera, film, key = self._live.record, self._camera_record, self._films.last.record, self.plan.path
         radiance, rasterized = RADIANCE[self.plan.transport](key), self._color_hits is not None
-        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized, key.terms)
+        kernel = samples_kernel(key.camera, key.sdfs, radiance, rasterized, key.terms, key.ray_accuracy)
         launch_samples(kernel, scene, camera, request, film, self.device, self.threads, pixels)
         wp.synchronize_device(self.device)
 
@@ -490,7 +427,7 @@ class Renderer:
         stats["plan"] = plan.as_dict
         stats["warnings"] = list(self.scene.warnings)
         ordered = {name: outputs[name] for name in self.request.outputs if name in outputs}
-        shot = samples, seed, self.device, self._camera_path
+        shot = samples, seed, self.device, self._viewpoint.path
         facts = self.scene, plan, self.request, camera, self.data_window.full, *shot
         settled_stats = stats.settle() if settled else stats
         return Frame(ordered, settled_stats, partial(make_receipt, *facts), self.data_window)
@@ -514,16 +451,3 @@ def render(scene: Scene, resolution: tuple[int, int] | None = None, samples: int
     """
     of_render = {k: options.pop(k) for k in ("error", "seconds", "seed", "progress") if k in options}
     return Renderer(scene, resolution=resolution, **options).render(samples=samples, **of_render)
-
-
-def use_camera_light(scene: Scene, mode: str) -> bool:
-    """Whether a light is added at the camera; "auto" adds one to a scene without lights."""
-    if mode not in ("auto", "on", "off"):
-        raise SceneError(f"camera light {mode!r} is not one of auto, on, off")
-    return mode == "on" or (mode == "auto" and not scene.lights)
-
-
-def _check_limits(samples: int | None, error: float | None, seconds: float | None) -> None:
-    for name, value in (("samples", samples), ("error", error), ("seconds", seconds)):
-        if value is not None and not value > 0:
-            raise SceneError(f"{name} must be above 0, not {value}")

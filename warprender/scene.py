@@ -7,7 +7,7 @@ methods build one in Python.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,105 +15,38 @@ import warp as wp
 
 from .bodies import Bodies, Name, ancestors, as_names, pose_array
 from .camera import Camera
+from .errors import SceneError
+from .given import face_corners, is_number, plain_array, shown
 from .lights import Light
 from .materials import DisplayColor, Material
 from .materials.displacement import displaced
 from .materials.inputs import Varying
+from .materials.material import BaseMaterial
+from .picture_settings import PictureSettings, RenderProduct, RenderSettings
+from .placement import Placement, copies_of, materials_of
+from .scene_arguments import (
+    array_argument,
+    check_described,
+    colors_primvar,
+    host_points,
+    naming,
+    pose_matrix,
+    vectors_primvar,
+)
 from .shapes import Mesh, Primvar, Sdf, Sphere
-from .watched import Watched
 
-
-class SceneError(ValueError):
-    """A stage, prim or flag that cannot be rendered; the message names it in one line."""
-
-
-@dataclass
-class Placement(Watched):
-    """A shape drawn one or many times with one material: a prim, or a prim under an instancer.
-
-    Attributes:
-        path: prim path; names the prim in warnings and ids.
-        shape: the geometry, stored once however often it is placed.
-        transforms: (K, 4, 4) float64 object-to-world matrices for row vectors, as in USD: p' = p M. A renderer makes
-            them read-only: to move the prim by the host, assign others.
-        material: key into `Scene.materials`; "" for `Scene.materials[""]`, the display colour.
-        instance_ids: (K,) int32, UsdGeomPointInstancer index of each copy, -1 where there is no instancer.
-        visible: whether it is drawn, for all copies or (K,) for each.
-        semantic: what it is, as "car", from the semantic labels of its prim or of those above; "" where nothing says.
-    """
-
-    path: str
-    shape: Mesh | Sphere | Sdf
-    transforms: np.ndarray
-    material: str = ""
-    instance_ids: np.ndarray | None = None
-    visible: bool | np.ndarray = True
-    semantic: str = ""
-
-    def __post_init__(self) -> None:
-        self.transforms = np.asarray(self.transforms, np.float64).reshape(-1, 4, 4)
-        if self.instance_ids is None:
-            self.instance_ids = np.full(len(self.transforms), -1, np.int32)
-
-
-def materials_of(placement: Placement) -> list[str]:
-    """Keys of the materials that a placement shows: its own, and those of its shape's faces."""
-    return [placement.material, *getattr(placement.shape, "face_materials", {})]
-
-
-@dataclass
-class PictureSettings:
-    """What UsdRenderSettings and UsdRenderProduct both say of a picture; names and defaults as in the schema.
-
-    Attributes:
-        path: path of the prim, "" where the stage has none.
-        resolution: (width, height) in pixels, None where the camera's aspect decides.
-        camera: path of the camera, "" for usdrecord's choice.
-        pixelAspectRatio: width over height of a pixel.
-        aspectRatioConformPolicy: one of `warprender.camera.CONFORM_POLICIES`.
-        dataWindowNDC: left, bottom, right, top of what is drawn, as parts of the picture from its lower left
-            corner; beyond 0 and 1 more than the picture is drawn (overscan).
-        disableMotionBlur: the shutter is taken as open for no time (`instantaneousShutter` too).
-        disableDepthOfField: cameras of the stage are taken as pinholes.
-    """
-
-    path: str = ""
-    resolution: tuple[int, int] | None = None
-    camera: str = ""
-    pixelAspectRatio: float = 1.0
-    aspectRatioConformPolicy: str = "expandAperture"
-    dataWindowNDC: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
-    disableMotionBlur: bool = False
-    disableDepthOfField: bool = False
-
-
-@dataclass
-class RenderProduct(PictureSettings):
-    """UsdRenderProduct: one file that the render settings ask for; what it leaves open it has from them.
-
-    Attributes:
-        productName: the file.
-        outputs: outputs that its orderedVars name, as `Renderer` takes them.
-    """
-
-    productName: str = ""
-    outputs: tuple[str, ...] = ("color",)
-
-
-@dataclass
-class RenderSettings(PictureSettings):
-    """UsdRenderSettings.
-
-    Attributes:
-        products: in the order of the relationship.
-        includedPurposes: purposes to draw, None where none are authored.
-        materialBindingPurposes: material purposes in the order of preference, None where none are authored; "" is
-            all purposes.
-    """
-
-    products: tuple[RenderProduct, ...] = ()
-    includedPurposes: tuple[str, ...] | None = None
-    materialBindingPurposes: tuple[str, ...] | None = None
+#: A scene and what it is made of, for those who read one.
+__all__ = [
+    "PictureSettings",
+    "Placement",
+    "RenderProduct",
+    "RenderSettings",
+    "Scene",
+    "SceneError",
+    "copies_of",
+    "materials_of",
+    "pose_matrix",
+]
 
 
 @dataclass
@@ -193,7 +126,7 @@ class Scene:
         faces: np.ndarray | Sequence,
         material: Material | str | None = None,
         pose: object = None,
-        normals: np.ndarray | None = None,
+        normals: np.ndarray | wp.array | str | None = None,
         color: np.ndarray | Sequence | None = None,
         st: np.ndarray | None = None,
     ) -> Mesh:
@@ -210,7 +143,9 @@ class Scene:
                 displacement moves a copy of the points.
             pose: object to world: `wp.transformf`, seven numbers (position, quaternion xyzw), a (4, 4) matrix for
                 row vectors (p' = p M, translation in the last row), or None for the identity.
-            normals: (N, 3) shading normals in object space, of any length, or None for flat shading.
+            normals: (N, 3) shading normals in object space, of any length, which go along with points that are
+                written in place; a `wp.array(dtype=wp.vec3)` of length N that the caller keeps in step; "smooth" for
+                those of the points as they are; or None for flat shading.
             color: linear Rec.709 reflectance, one (3,) or one for each point (N, 3); None is 0.18 grey. Read only
                 where `material` is None.
             st: (N, 2) texture coordinates, (0, 0) at the lower left corner of a picture.
@@ -219,24 +154,28 @@ class Scene:
             The mesh, as `scene.meshes[path]` has it.
 
         Raises:
-            SceneError: the path is taken, an array has the wrong shape, or an index is out of range.
+            SceneError: the path is taken, an array has the wrong shape or type, an index is out of range, or a field
+                of the material is not as described.
         """
         self._claim(path)
-        host = _host_points(path, points)
-        faces = [np.asarray(f, np.int64).reshape(-1) for f in faces]
-        counts = np.array([len(f) for f in faces], np.int64)
-        indices = np.concatenate(faces) if faces else np.zeros(0, np.int64)
+        host = host_points(path, points)
+        with naming(path):
+            counts, indices = face_corners(faces)
         if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
             raise SceneError(f"{path}: a face index is outside 0…{len(points) - 1}")
+        if few := int((counts < 3).sum()):
+            self.warn(f"{path}: {few} faces have fewer than three corners and are not drawn")
         mesh = Mesh.from_polygons(host, counts, indices)
         if isinstance(points, wp.array):
             mesh.points = points
-        if normals is not None:
-            mesh.normals = _vectors(path, "normals", normals, len(host))
+        if isinstance(normals, (str, wp.array)):
+            mesh.normals = normals
+        elif normals is not None:
+            mesh.normals = vectors_primvar(path, "normals", normals, len(host))
         if color is not None:
-            mesh.primvars["displayColor"] = _vectors(path, "color", color, len(host))
+            mesh.primvars["displayColor"] = colors_primvar(path, color, len(host))
         if st is not None:
-            st = np.asarray(st, np.float32)
+            st = array_argument(path, "st", st)
             if st.shape != (len(host), 2):
                 raise SceneError(f"{path}: st has shape {st.shape}, not {(len(host), 2)}")
             mesh.primvars["st"] = Primvar(st, "vertex")
@@ -256,7 +195,7 @@ class Scene:
 
         Args:
             path: prim path, unique in the scene.
-            radius: in scene units; 0 and below draw nothing.
+            radius: in scene units; 0 and below draw nothing, with a warning.
             material: as in `add_mesh`.
             pose: as in `add_mesh`; a matrix with a scale makes an ellipsoid.
             color: one (3,) colour, as in `add_mesh`.
@@ -268,9 +207,13 @@ class Scene:
             SceneError: the path is taken, or an array has the wrong shape.
         """
         self._claim(path)
-        sphere = Sphere(radius)
+        if not is_number(radius) or not np.isfinite(radius):
+            raise SceneError(f"{path}: radius is {shown(radius)}, not a number")
+        if radius <= 0:
+            self.warn(f"{path}: its radius is {radius:g}; nothing is drawn")
+        sphere = Sphere(float(radius))
         if color is not None:
-            sphere.primvars["displayColor"] = _vectors(path, "color", color, 1)
+            sphere.primvars["displayColor"] = colors_primvar(path, color, 1)
         sphere = self._displaced(path, sphere, material)
         self._place(path, sphere, material, pose)
         return sphere
@@ -317,7 +260,7 @@ class Scene:
         if fault := sdf.fault():
             raise SceneError(f"{path}: {fault}")
         if color is not None:
-            sdf.primvars["displayColor"] = _vectors(path, "color", color, 1)
+            sdf.primvars["displayColor"] = colors_primvar(path, color, 1)
         self._place(path, self._displaced(path, sdf, material), material, pose)
         return sdf
 
@@ -339,7 +282,11 @@ class Scene:
         if prototype not in self.placements:
             raise SceneError(f"{path}: there is no prim {prototype} to draw instances of")
         source = self.placements[prototype]
-        transforms = np.stack([pose_matrix(p, path) for p in poses]) if len(poses) else np.zeros((0, 4, 4))
+        poses = plain_array(poses)
+        if poses.ndim == 0:
+            raise SceneError(f"{path}: poses are {shown(poses[()])}, not (K, 7) or (K, 4, 4) numbers")
+        transforms = [pose_matrix(pose, f"{path}[{k}]") for k, pose in enumerate(poses)]
+        transforms = np.stack(transforms) if transforms else np.zeros((0, 4, 4))
         ids = np.arange(len(transforms), dtype=np.int32)
         placement = Placement(path, source.shape, transforms, source.material, ids)
         self.placements[path] = placement
@@ -357,12 +304,13 @@ class Scene:
             The light's path.
 
         Raises:
-            SceneError: the path is taken, or the pose has the wrong shape.
+            SceneError: the path is taken, it is no light, or a field of it or the pose is not as described.
         """
         path = path or f"/Lights/{type(light).__name__}{len(self.lights)}"
         self._claim(path)
-        if pose is not None:
+        if pose is not None and isinstance(light, Light):
             light.transform = pose_matrix(pose, path)
+        check_described(path, light, Light)
         self.lights[path] = light
         return path
 
@@ -379,11 +327,15 @@ class Scene:
             The camera.
 
         Raises:
-            SceneError: the path is taken, or the pose has the wrong shape.
+            SceneError: the path is taken, it is no camera, or a field of it or the pose is not as described.
         """
         self._claim(path)
-        if pose is not None:
+        if pose is not None and isinstance(camera, Camera):
             camera.transform = pose_matrix(pose, path)
+        if not isinstance(camera, Camera):
+            raise SceneError(f"{path}: {shown(camera)} is not a Camera")
+        if fault := camera.wrong_field():
+            raise SceneError(f"{path}: {fault}")
         self.cameras[path] = camera
         return camera
 
@@ -412,6 +364,8 @@ class Scene:
         Raises:
             SceneError: a path is not in the scene, or occurs twice.
         """
+        if not isinstance(paths, (str, tuple, list, np.ndarray)):
+            raise SceneError(f"{shown(paths)} is no prim path, nor a row of them")
         names, device = as_names(paths), str(wp.get_device(device))
         if (known := self.bodies.known(names, device)) is not None:
             return known
@@ -455,7 +409,11 @@ class Scene:
         Raises:
             SceneError: a path is not in the scene.
         """
+        if not isinstance(paths, (str, Iterable)):
+            raise SceneError(f"set_visible: {shown(paths)} is no prim path, nor a row of them")
         for path in (paths,) if isinstance(paths, str) else paths:
+            if not isinstance(path, str):
+                raise SceneError(f"set_visible: {shown(path)} is no prim path")
             self._check_body(path)
             for things in (self.placements, self.lights):
                 for name in things:
@@ -469,16 +427,33 @@ class Scene:
             if any(name in t for t in things) or any(name in ancestors(p) for t in things for p in t):
                 return
             raise SceneError(f"{name}: there is no such prim in the scene")
+        if not (isinstance(name, tuple) and len(name) == 2):
+            raise SceneError(f"{shown(name)} is no prim path, nor a pair of one and the number of a copy")
         path, copy = name
         if path not in self.placements or copy not in copies_of(self.placements[path]):
             raise SceneError(f"{path}: there is no such prim, or it has no copy {copy}")
 
+    def check(self) -> None:
+        """Look at the fields of all materials and lights, which anything may have been assigned to.
+
+        Raises:
+            SceneError: one cannot be drawn; the message names it and the field.
+        """
+        for key, material in self.materials.items():
+            check_described(key or "the scene's own material", material, BaseMaterial)
+        for path, light in self.lights.items():
+            check_described(path, light, Light)
+
     def _claim(self, path: str) -> None:
+        if not isinstance(path, str) or not path:
+            raise SceneError(f"a path is a text such as '/World/box', not {shown(path)}")
         if path in self.placements or path in self.lights or path in self.cameras:
             raise SceneError(f"{path}: the path is already in the scene")
 
     def _displaced(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None) -> Mesh | Sphere | Sdf:
         """The shape with its points moved as its material says; unmoved, with a warning, where they cannot be."""
+        if material is not None and not isinstance(material, str):
+            check_described(f"{path}/material", material, BaseMaterial)
         material = self.materials.get(material) if isinstance(material, str) else material
         displacement = getattr(material, "displacement", 0.0)
         if not isinstance(displacement, Varying) and displacement == 0.0:
@@ -500,55 +475,7 @@ class Scene:
                 raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
         elif material is not None:
             key = f"{path}/material"
+        placement = Placement(path, shape, pose_matrix(pose, path)[None], key)
+        if material is not None and not isinstance(material, str):
             self.materials[key] = material
-        self.placements[path] = Placement(path, shape, pose_matrix(pose, path)[None], key)
-
-
-def copies_of(placement: Placement) -> np.ndarray:
-    """(K,) numbers of the copies: those of the instancer, or where there is none, from 0 on."""
-    ids = placement.instance_ids
-    return ids if (ids >= 0).all() else np.arange(len(ids))
-
-
-def pose_matrix(pose: object, path: str) -> np.ndarray:
-    """(4, 4) float64 matrix for row vectors from None, a (4, 4) matrix, or position and quaternion xyzw.
-
-    Raises:
-        SceneError: it is none of them; the message names `path`.
-    """
-    if pose is None:
-        return np.eye(4)
-    pose = np.asarray(pose, np.float64)
-    if pose.shape == (4, 4):
-        return pose
-    if pose.shape != (7,):
-        raise SceneError(f"{path}: a pose is seven numbers or a 4×4 matrix, not an array of shape {pose.shape}")
-    x, y, z, w = pose[3:] / np.linalg.norm(pose[3:])
-    matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
-        [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
-        [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[3, :3] = pose[:3]
-    return matrix
-
-
-def _host_points(path: str, points: np.ndarray | wp.array) -> np.ndarray:
-    """(N, 3) float32 on the host; a wrong type would end the process once it is on a device."""
-    if isinstance(points, wp.array):
-        if points.dtype != wp.vec3 or points.ndim != 1:
-            raise SceneError(f"{path}: points are not a one-dimensional wp.array of wp.vec3")
-        return points.numpy()
-    host = np.asarray(points, np.float32)
-    if host.ndim != 2 or host.shape[1] != 3:
-        raise SceneError(f"{path}: points have the shape {host.shape}, not (N, 3)")
-    return host
-
-
-def _vectors(path: str, name: str, values: np.ndarray | Sequence, points: int) -> Primvar:
-    """One vector for the whole shape, or one for each of its points."""
-    values = np.asarray(values, np.float32)
-    if values.shape not in ((3,), (points, 3)):
-        raise SceneError(f"{path}: {name} has the shape {values.shape}, not (3,) or ({points}, 3)")
-    return Primvar(values.reshape(-1, 3), "constant" if values.ndim == 1 else "vertex")
+        self.placements[path] = placement

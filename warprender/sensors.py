@@ -15,13 +15,14 @@ import warp as wp
 
 from .bodies import pose_array
 from .camera import Camera
+from .given import is_count, is_number, shown
 from .integrators import RADIANCE
 from .integrators.samples import PathRequest
 from .integrators.views import ViewKey, ViewRequest, views_kernel
 from .launch import RecordedLaunch, launch, thread_count
 from .lenses import distorted_rays, fisheye_rays, lidar_rays, window_of_field, window_of_intrinsics
 from .live import SharedScene
-from .outputs import FILM_OUTPUTS, OUTPUTS, OutputBuffers
+from .outputs import FILM_OUTPUTS, OUTPUTS, OutputBuffers, output_names
 from .plan import LIGHT_BY_LIGHT, Request, analyse
 from .records import CameraRecord
 from .renderer import use_camera_light
@@ -61,6 +62,10 @@ class Sensor:
         samples: int,
         seed: int,
     ) -> None:
+        if not isinstance(scene, Scene):
+            raise SceneError(f"scene is {shown(scene)}, not a Scene")
+        if not is_number(seed) or seed != seed // 1:
+            raise SceneError(f"seed must be a whole number, not {shown(seed)}")
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
         self._lens, self._request, self._given_worlds = lens, request, worlds
         self._camera = Camera(projection=projection, clippingRange=(lens.near, lens.far))
@@ -280,8 +285,9 @@ class Sensor:
     def _request_views(self) -> None:
         """What the kernel reads of the views; recorded launches see what its fields hold."""
         request, path = ViewRequest(), PathRequest()
-        path.seed, path.samples = self._seed & 0xFFFFFFFF, self._samples
+        path.seed, path.samples = int(self._seed) & 0xFFFFFFFF, self._samples
         path.sobol, path.bounces = int(self._samples > 1), int(self.plan.bounds.get("bounces", 0))
+        path.met = int(self.plan.bounds.get("lights can be hit", True))
         path.visible.lights = int(self._request.lights_visible)
         path.visible.domes = int(self._request.lights_visible or self._request.dome_light_visible)
         request.path = path
@@ -359,13 +365,14 @@ class CameraSensor(Sensor):
         lights_visible: bool = False,
     ) -> None:
         _check_sizes(width=width, height=height, samples=samples)
-        if not 0 < near < far < math.inf:
-            raise SceneError(f"near and far must be positive, finite and in this order, not {near} and {far}")
+        if not (is_number(near) and is_number(far) and 0 < near < far < math.inf):
+            given = f"{shown(near)} and {shown(far)}"
+            raise SceneError(f"near and far must be positive, finite and in this order, not {given}")
         try:
             window, directions = _lens(lens, fov, intrinsics, distortion, width, height)
-        except ValueError as error:
+        except (TypeError, ValueError) as error:
             raise SceneError(f"sensor: {error}") from None
-        self._asked = (outputs,) if isinstance(outputs, str) else tuple(dict.fromkeys(outputs))
+        self._asked = tuple(dict.fromkeys(output_names(outputs)))
         record = CameraRecord()
         record.width, record.height, record.near, record.far = width, height, near, far
         record.window, record.orthographic = wp.vec4(*window), int(lens == "orthographic")
@@ -419,7 +426,7 @@ class LidarSensor(Sensor):
             raise SceneError(f"lidar: {error}") from None
         if not 0 <= near < far < math.inf:
             raise SceneError(f"lidar: range must be finite, from 0 on and in this order, not ({near}, {far})")
-        self._asked = (outputs,) if isinstance(outputs, str) else tuple(dict.fromkeys(outputs))
+        self._asked = tuple(dict.fromkeys(output_names(outputs)))
         if colors := [name for name in self._asked if name not in OUTPUTS]:
             raise SceneError(f"lidar: there is no output {colors[0]!r}")
         record = CameraRecord()
@@ -511,8 +518,8 @@ def _mean_window(directions: np.ndarray) -> tuple[float, float, float, float]:
 
 def _check_sizes(**sizes: int) -> None:
     for name, size in sizes.items():
-        if size != int(size) or size < 1:
-            raise SceneError(f"{name} must be a whole number from 1 on, not {size}")
+        if not is_count(size, least=1):
+            raise SceneError(f"{name} must be a whole number from 1 on, not {shown(size)}")
 
 
 def _pictures(array: wp.array, views: int, height: int, width: int) -> wp.array:

@@ -13,7 +13,8 @@ from .records import DeviceScene, GeometryRecord, InstanceRecord, PrimvarRecord,
 from .scene import Placement, Scene, copies_of, materials_of
 from .shapes import Sdf, Sphere
 from .texels import TEXTURE_BYTES
-from .upload_lights import LightUpload, Placed
+from .upload_lights import LightUpload
+from .upload_placed import Placed
 from .upload_shapes import Part, ShapeUpload
 from .visibility.world_tree import WorldTree
 from .watched import Watched
@@ -43,16 +44,19 @@ class Upload:
         texture_bytes: int = TEXTURE_BYTES,
         sdfs: tuple[wp.Function, ...] = (),
         before: Upload | None = None,
+        keep_meshes: bool = False,
     ) -> None:
         """Upload everything; `lights` are those that emit, `origin` (3,) is rounded to float32.
 
         `sdfs` are the plan's signed distance functions, in its order.
 
         Pictures are made smaller until all of them take `texture_bytes` at most. Shapes and pictures that are as they
-        were in the upload `before` are taken over from it.
+        were in the upload `before` are taken over from it. `keep_meshes` keeps Warp's own trees of triangles on the CPU
+        too, for fast rays.
         """
         self.device, self.origin = device, rounded_origin(origin)
         self._scene, self._kept = scene, []
+        self._keep_meshes = keep_meshes
         self._written: list[int] = []
         self._assignments = -1
         self._materials = {key: i for i, key in enumerate(scene.materials)}
@@ -81,6 +85,8 @@ class Upload:
         if self._assignments != Watched.assignments:
             # Somebody may have been given the points of another mesh, or have replaced them.
             self._written = [number for number, part in enumerate(self.parts) if part.may_be_written()]
+            if any([self.parts[number].begin_to_follow() for number in self._written]):
+                self._store_geometries()
             self._assignments = Watched.assignments
         changed = set(self._written)
         for number in changed:
@@ -123,7 +129,7 @@ class Upload:
 
     def _upload_shapes(self, known: dict[tuple[int, str], Part]) -> None:
         """Upload each shape on first sight, and write the records of its instances."""
-        shapes = ShapeUpload(self._tables.slots, self._materials, self.device)
+        shapes = ShapeUpload(self._tables.slots, self._materials, self.device, self._keep_meshes)
         self._by_shape: dict[tuple[int, str], Part | None] = {}
         numbers: dict[int, int] = {}
         self._drawn: list[Placement] = []
@@ -165,9 +171,12 @@ class Upload:
                 part.record.sdf, part.sdf.function = len(records), functions.index(part.shape.kernel_function())
                 records.append(part.sdf)
         self.record.sdfs = self._array(records, SdfRecord)
-        self.record.geometries = self._array([part.record for part in self.parts], GeometryRecord)
+        self._store_geometries()
         those = [number for number, part in enumerate(self.parts) if part.sdf is not None]
         self.record.sdf_instances = self._array(np.flatnonzero(np.isin(self.rows["geometry"], those)), wp.int32)
+
+    def _store_geometries(self) -> None:
+        self.record.geometries = self._array([part.record for part in self.parts], GeometryRecord)
 
     def boxes_for_rays(self) -> np.ndarray:
         """(G, 2, 3) object boxes of the shapes that only rays find, empty ones of the others."""

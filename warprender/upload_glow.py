@@ -64,6 +64,18 @@ class GlowTables:
         bounds = _bounds(corners[chosen], normals[chosen], starts, leaf, power, both_sides)
         return GlowLeaves(first_face, first + starts, counts, area, bounds, float(power.sum()))
 
+    def number_faces(self, offsets: dict[int, int]) -> None:
+        """Make the leaves of faces numbers among all leaves; -1 where the light is not aimed at.
+
+        `offsets` are the numbers of lights' first leaves, by where their faces begin.
+        """
+        first_face = 0
+        for faces in self.leaf_of_face:
+            if len(faces):
+                offset = offsets.get(first_face)
+                faces[:] = np.where(faces >= 0, faces + offset, -1) if offset is not None else -1
+            first_face += len(faces)
+
 
 @dataclass
 class GlowLeaves:

@@ -1,19 +1,18 @@
-"""Lights on a device: their records, the tree that chooses among them, and the boxes by which rays meet them."""
+"""Lights on a device: their records, and the boxes by which rays meet them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
 
 from .emitters import emits
-from .lights import DomeLight, IesProfile, Light, LightTexture, MeshLight
+from .lights import DomeLight, Light, MeshLight
 from .lights.dispatch import kind_of
 from .lights.linking import LinkSets
 from .lights.mesh import BOTH, OUTSIDE, OUTSIDE_BEHIND
-from .lights.tree import LightBounds, build
+from .lights.tree import LightBounds
 from .records import (
     NOT_DRAWN,
     SHADOW_CHANGED,
@@ -29,70 +28,9 @@ from .records import (
 from .scene import Placement, Scene
 from .shapes import Mesh, Sphere
 from .upload_glow import MOST_LEAVES, GlowLeaves, GlowTables, outside_of
-from .upload_shapes import Part
-from .visibility.world_tree import WorldTree
-
-
-@dataclass
-class Placed:
-    """What has been uploaded of the scene's geometry.
-
-    Attributes:
-        instances: the instance records; `light` is filled in here.
-        parts: the shapes by geometry number.
-        world: where the instances are.
-        origin: (3,) world position that positions on the device are relative to.
-    """
-
-    instances: np.ndarray
-    parts: list[Part]
-    world: WorldTree
-    origin: np.ndarray
-
-    @cached_property
-    def boxes(self) -> np.ndarray:
-        """(instances, 2, 3) float64 boxes relative to the origin; NaN for what is not drawn."""
-        return self.world.boxes()
-
-    @cached_property
-    def places(self) -> np.ndarray:
-        """(instances,) rows of `Instance`."""
-        return self.world.instances.numpy()
-
-    def radius(self) -> float:
-        """Half the diagonal of all that is drawn."""
-        return scene_radius(self.boxes)
-
-
-class Pictures:
-    """Light pictures and profiles on a device, each once. Owns their arrays."""
-
-    def __init__(self) -> None:
-        """None yet."""
-        self.images: list[ImageRecord] = []
-        self.profiles: list[ProfileRecord] = []
-        self._numbers: dict[int, int] = {}
-        self._kept: list[object] = []
-
-    def image(self, picture: LightTexture, device: str, of_dome: bool) -> tuple[int, bool]:
-        """The number of a picture, and whether it was uploaded just now."""
-        if id(picture) in self._numbers:
-            return self._numbers[id(picture)], False
-        record, kept = picture.upload(device, of_dome)
-        return self._add(picture, self.images, record, kept), True
-
-    def profile(self, profile: IesProfile, device: str) -> int:
-        """The number of a profile."""
-        if id(profile) in self._numbers:
-            return self._numbers[id(profile)]
-        return self._add(profile, self.profiles, *profile.upload(device))
-
-    def _add(self, source: object, records: list, record: object, kept: list[object]) -> int:
-        records.append(record)
-        # The source, too: its id must not become another's.
-        self._kept += [source, *kept]
-        self._numbers[id(source)] = len(records) - 1
-        return len(records) - 1
+from .upload_light_pictures import Pictures
+from .upload_light_tree import bounds_of, light_tree
+from .upload_placed import Placed
 
 
 class LightUpload:
@@ -148,9 +86,9 @@ class LightUpload:
         self.count = len(members)
         finite = rows["instance"] < 0
         finite &= ~infinite
-        bounds = self._bounds(members, rows, power)
+        bounds = bounds_of(members, rows, power, self._placed.boxes)
         record.finite_lights, record.infinite_lights = int(finite.sum()), int(infinite.sum())
-        leaves, nodes, cdf = self._tree(rows, bounds, infinite)
+        leaves, nodes, cdf = light_tree(rows, bounds, infinite, self._glow_leaves, self._glow)
         record.light_cdf = self._array(cdf, wp.float32)
         record.light_nodes = self._array(nodes, LightNode)
         record.light_leaves = self._array(leaves, LightLeaf)
@@ -324,75 +262,6 @@ class LightUpload:
         rows["inverse"][good] = np.linalg.inv(linear[good])
         rows["determinant"] = np.where(good, determinant, 0.0)
 
-    def _bounds(self, members: list[tuple[str, Light, int]], rows: np.ndarray, power: np.ndarray) -> LightBounds:
-        """Where each light is and where it emits to, relative to the origin."""
-        linear, middle = rows["linear"].astype(np.float64), rows["position"].astype(np.float64)
-        half = np.array([light.half_extent() for _, light, _ in members]).reshape(-1, 3)
-        reach = np.einsum("kij,kj->ki", np.abs(linear), half)
-        lower, upper = middle - reach, middle + reach
-        for i, (_, _, instance) in enumerate(members):
-            if instance >= 0:
-                lower[i], upper[i] = self._placed.boxes[instance]
-        cones = [light.emission_cone() for _, light, _ in members]
-        axis = np.einsum("kij,kj->ki", linear, np.array([cone[0] for cone in cones]).reshape(-1, 3))
-        axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300)
-        spread, fade = np.array([cone[1:] for cone in cones]).reshape(-1, 2).T
-        return LightBounds(lower, upper, axis, spread, fade, power, np.zeros(len(power), bool), spread == 0.0)
-
-    def _tree(
-        self, rows: np.ndarray, bounds: LightBounds, infinite: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Set the lights' probabilities and leaves; the leaves, the nodes, and the distribution over infinite lights
-        and the tree.
-        """
-        placed = np.flatnonzero(~infinite & (bounds.power > 0))
-        powers = np.append(bounds.power[infinite], bounds.power[placed].sum())
-        chosen = powers > 0
-        share = np.zeros(len(powers))
-        if chosen.any():
-            # Half by power, half alike: no light in the scene is left to starve beside a strong one.
-            share = np.where(chosen, 0.5 * powers / powers.sum() + 0.5 / chosen.sum(), 0.0)
-        rows["choice"][infinite], rows["choice"][placed] = share[:-1], share[-1]
-        cdf = np.cumsum(share)
-        if chosen.any():
-            cdf[np.flatnonzero(chosen)[-1] :] = 1.0
-        leaves, nodes = np.zeros(0, LightLeaf.numpy_dtype()), np.zeros(0, LightNode.numpy_dtype())
-        if len(placed):
-            leaves, parts = self._leaves(rows, bounds, placed)
-            nodes, leaves["trail"] = build(parts)
-        return leaves, nodes, cdf.astype(np.float32)
-
-    def _leaves(self, rows: np.ndarray, bounds: LightBounds, placed: np.ndarray) -> tuple[np.ndarray, LightBounds]:
-        """A leaf for each light, many for one of triangles, whose faces' leaves are numbered on."""
-        alone = np.array([number for number in placed if number not in self._glow_leaves], int)
-        leaves = np.zeros(len(alone), LightLeaf.numpy_dtype())
-        leaves["light"], rows["leaf"][alone] = alone, np.arange(len(alone))
-        parts, used = [bounds.of(alone)], len(alone)
-        records = [leaves]
-        offsets = {}
-        for number in placed:
-            if number not in self._glow_leaves:
-                continue
-            own = self._glow_leaves[number]
-            leaves = np.zeros(len(own.area), LightLeaf.numpy_dtype())
-            leaves["light"], leaves["first"], leaves["count"], leaves["area"] = number, own.first, own.count, own.area
-            records.append(leaves)
-            share = bounds.power[number] / own.bounds.power.sum()
-            parts.append(replace(own.bounds, power=own.bounds.power * share))
-            offsets[own.first_face] = used
-            used += len(leaves)
-        self._number_faces(offsets)
-        return np.concatenate(records), LightBounds.joined(parts)
-
-    def _number_faces(self, offsets: dict[int, int]) -> None:
-        """Make the leaves of faces numbers among all leaves; -1 where the light is not aimed at."""
-        first_face = 0
-        for faces in self._glow.leaf_of_face:
-            if len(faces):
-                offset = offsets.get(first_face)
-                faces[:] = np.where(faces >= 0, faces + offset, -1) if offset is not None else -1
-            first_face += len(faces)
-
     def _build_boxes(self, bounds: LightBounds, finite: np.ndarray, record: DeviceScene) -> None:
         """The tree of boxes by which rays meet the finite lights; boxes grow by more than a rounded corner."""
         low, high = bounds.lower[finite], bounds.upper[finite]
@@ -409,10 +278,3 @@ class LightUpload:
     def _keep(self, thing: object) -> object:
         self._kept.append(thing)
         return thing
-
-
-def scene_radius(boxes: np.ndarray) -> float:
-    """Half the diagonal of what boxes (I, 2, 3) hold together, NaN ones left out; not below 1e-6."""
-    if not np.isfinite(boxes).any():
-        return 1e-6
-    return max(float(np.linalg.norm(np.nanmax(boxes[:, 1], 0) - np.nanmin(boxes[:, 0], 0))) / 2, 1e-6)

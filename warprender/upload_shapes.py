@@ -11,13 +11,12 @@ from .material_tables import Slot, Tangents
 from .records import GeometryRecord, PrimvarRecord, SdfRecord
 from .scene import Placement, SceneError
 from .shapes import SHAPES, Mesh, Sdf, Sphere
-from .shapes.primvar import INTERPOLATIONS, absent_primvar
+from .shapes.live_normals import LiveNormals, WrittenNormals, can_follow
+from .shapes.mesh import POINTS, SMOOTH
+from .shapes.primvar import INTERPOLATIONS, Primvar, absent_primvar
 from .textures import PrimvarReader
 from .visibility.trees import MeshTree, SdfShape, SphereShape
 from .watched import contents, same
-
-#: Attributes of a mesh that say nothing of what it is made of.
-_POINTS = ("stored", "handed_out")
 
 
 @dataclass
@@ -33,6 +32,7 @@ class Part:
         primvars: by slot.
         drawn: (T,) bool, the triangles of a mesh that are on the device.
         source: the points that the simulation writes; `record.points`, or what these are copied from.
+        normals: what keeps the normals in step with the points, where anything does.
         missing: faces of the tree that were left out at the upload.
         sdf: the device's record of a signed distance function.
     """
@@ -45,12 +45,13 @@ class Part:
     primvars: list[PrimvarRecord] = field(default_factory=list)
     drawn: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     source: wp.array | None = None
+    normals: LiveNormals | WrittenNormals | None = None
     missing: int = 0
     sdf: SdfRecord | None = None
 
     def is_current(self) -> bool:
         """Whether the shape is still what it was made from, but for the values of its points."""
-        return same(self.contents, contents(self.shape, _POINTS))
+        return same(self.contents, contents(self.shape, POINTS))
 
     def may_be_written(self) -> bool:
         """Whether somebody was given the points to write into them.
@@ -65,13 +66,23 @@ class Part:
                 f"{self.path}: its points were replaced by another array; write into the one that was there, "
                 "or remove the prim and add it anew"
             )
-        return self.shape.handed_out
+        return self.shape.handed_out or getattr(self.normals, "copied", False)
+
+    def begin_to_follow(self) -> bool:
+        """Have the normals follow the points from now on; whether the device's record became another one by that."""
+        if self.normals is not None or not can_follow(self.shape):
+            return False
+        self.normals = LiveNormals(self.shape, self.drawn, self.record.indices)
+        self.record.normals = self.normals.record
+        return True
 
     def refit(self) -> None:
         """Follow the points as they are now."""
         if self.record.points is not self.source:
             wp.copy(self.record.points, self.source)
         self.tree.refit()
+        if self.normals is not None:
+            self.normals.follow(self.record.points)
 
 
 class ShapeUpload:
@@ -81,8 +92,12 @@ class ShapeUpload:
         warnings: one line for each shape with something bad about it.
     """
 
-    def __init__(self, slots: list[Slot], materials: dict[str, int], device: str) -> None:
-        """`slots` are those of the primvars; `materials` has the numbers of materials by key."""
+    def __init__(self, slots: list[Slot], materials: dict[str, int], device: str, keep_meshes: bool = False) -> None:
+        """`slots` are those of the primvars; `materials` has the numbers of materials by key.
+
+        `keep_meshes`: keep each `wp.Mesh` on the CPU too.
+        """
+        self._keep_meshes = keep_meshes
         self._slots, self._materials, self.device = slots, materials, device
         self.warnings: list[str] = []
 
@@ -144,14 +159,32 @@ class ShapeUpload:
         record.points = self._points(mesh)
         record.indices = self._array(triangles.reshape(-1), wp.int32)
         record.faces = self._array(mesh.faces[keep], wp.int32)
-        record.normals = absent_primvar()
-        if mesh.normals is not None:
-            record.normals = mesh.normals.upload(mesh.corners[keep], self.device)
+        normals = self._normals(path, mesh, keep, record)
         if mesh.face_materials:
             record.face_material = self._array(self._face_materials(mesh, material), wp.int32)
-        tree = MeshTree(record.points, record.indices)
-        made_from = contents(mesh, _POINTS)
-        return Part(path, mesh, made_from, record, tree, [], keep, mesh.stored, tree.dropped)
+        tree = MeshTree(record.points, record.indices, keep_mesh=self._keep_meshes)
+        made_from = contents(mesh, POINTS)
+        part = Part(path, mesh, made_from, record, tree, [], keep, mesh.stored, normals, tree.dropped)
+        part.begin_to_follow()
+        if part.normals is not None:
+            part.normals.follow(record.points)
+        return part
+
+    def _normals(self, path: str, mesh: Mesh, keep: np.ndarray, record: GeometryRecord) -> WrittenNormals | None:
+        """Put the normals into the record; None but for those that the simulation writes."""
+        record.normals = absent_primvar()
+        if isinstance(mesh.normals, Primvar):
+            record.normals = mesh.normals.upload(mesh.corners[keep], self.device)
+        elif isinstance(mesh.normals, wp.array):
+            try:
+                written = WrittenNormals(mesh.normals, len(mesh.stored), self.device)
+            except ValueError as error:
+                raise SceneError(f"{path}: {error}") from None
+            record.normals = written.record
+            return written
+        elif mesh.normals is not None and mesh.normals != SMOOTH:
+            raise SceneError(f"{path}: its normals are {mesh.normals!r}: not a Primvar, a wp.array, {SMOOTH!r} or None")
+        return None
 
     def _points(self, mesh: Mesh) -> wp.array:
         """The mesh's points on the device: the simulation's own array where it can be read in place."""

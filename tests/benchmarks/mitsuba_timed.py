@@ -15,21 +15,13 @@ import mitsuba as mi
 import numpy as np
 
 mi.set_variant("llvm_ad_rgb")
+sys.path.insert(0, str(Path(__file__).parents[1] / "mitsuba"))
 
 import drjit as dr  # noqa: E402
+from reference import loaded  # noqa: E402
 
 #: Samples of one call: more of them take gigabytes.
 MOST = 256
-
-
-def loaded(value):
-    """The description with its matrices as Mitsuba's own."""
-    if not isinstance(value, dict):
-        return value
-    value = {key: loaded(item) for key, item in value.items()}
-    if "to_world" in value:
-        value["to_world"] = mi.ScalarTransform4f(np.array(value["to_world"]))
-    return value
 
 
 def main(file: Path, folder: Path, sampler: str, depth: int, threads: int) -> None:

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import warprender as wr
-from warprender.visibility import raster
-from warprender.visibility.raster import DrawList, Triangles
+from warprender.visibility import raster, raster_kernels
+from warprender.visibility.raster import DrawList
+from warprender.visibility.raster_kernels import Triangles
 
 QUAD = [[0, 1, 2], [0, 2, 3]]
 
@@ -453,13 +454,13 @@ def test_bins_and_keys_agree(seed):
 
 
 def test_kernels_compile_for_cuda(tmp_path):
-    for kernel in raster._keyed_kernels():
+    for kernel in raster_kernels.keyed_kernels():
         wp.compile_aot_module(kernel.module, device=None, arch=90, use_ptx=True, module_dir=tmp_path)
     assert len(list(tmp_path.glob("*.ptx"))) == 3
 
 
 def test_a_changed_header_is_another_module(monkeypatch):
-    build = raster._fill_kernel.__wrapped__
+    build = raster_kernels.fill_kernel.__wrapped__
     before, again = build().module.name, build().module.name
-    monkeypatch.setattr(raster, "_HEADER", raster._HEADER + "\n// changed\n")
+    monkeypatch.setattr(raster_kernels, "_HEADER", raster_kernels._HEADER + "\n// changed\n")
     assert before == again != build().module.name

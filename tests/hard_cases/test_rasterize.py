@@ -6,7 +6,8 @@ import pytest
 import warp as wp
 
 import warprender as wr
-from warprender.visibility.raster import DrawList, Triangles
+from warprender.visibility.raster import DrawList
+from warprender.visibility.raster_kernels import Triangles
 
 
 def soup(seed, count, w=(0.3, 3.0)):

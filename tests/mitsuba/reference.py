@@ -10,8 +10,6 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-mi.set_variant("scalar_rgb")
-
 INTEGRATOR = {"type": "path", "max_depth": -1}
 #: Enough for a standard error that is itself known to 9 %.
 BATCHES = 64
@@ -29,6 +27,7 @@ def loaded(value):
 
 def main(folder: Path, samples: int) -> None:
     """Mean and standard error of every pixel, from the spread of independent batches."""
+    mi.set_variant("scalar_rgb")
     scene = mi.load_dict({**loaded(json.loads((folder / "scene.json").read_text())), "integrator": INTEGRATOR})
     batches = min(BATCHES, samples)
     total = squares = 0.0

@@ -8,6 +8,7 @@ interrupted.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import NoReturn
@@ -27,6 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         SystemExit: wrong usage (code 2) or --help (code 0), as argparse does.
     """
     args = build_parser().parse_args(argv)
+    args.typed = list(sys.argv[1:] if argv is None else argv)
     try:
         return args.run(args)
     except KeyboardInterrupt:

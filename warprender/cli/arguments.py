@@ -196,6 +196,13 @@ def _add_accuracy_arguments(group: argparse._ArgumentGroup) -> None:
         "(default: tree)",
     )
     group.add_argument(
+        "--rayAccuracy",
+        default="watertight",
+        metavar="NAME",
+        help="how rays of color meet triangles: watertight, or fast, Warp's own query, which loses some at edges and "
+        "on the CPU takes longer (default: watertight)",
+    )
+    group.add_argument(
         "--disableTextureFilter", action="store_true", help="look textures up at one point, at their finest level"
     )
     group.add_argument(

@@ -83,6 +83,7 @@ def build_renderer(args: argparse.Namespace, scene: Scene, shown: tuple[str, ...
         light_sampling=args.lightSampling,
         filter_textures=not args.disableTextureFilter,
         adaptive=args.adaptive,
+        ray_accuracy=args.rayAccuracy,
     )
 
 

@@ -10,7 +10,7 @@ from functools import cache
 
 import warp as wp
 
-from ..film import keep_term
+from ..film import keep_function
 from ..lights.choice import choose_light
 from ..lights.dispatch import GLOWING, light_functions, shaping_function
 from ..lights.linking import is_linked
@@ -196,11 +196,11 @@ def first_surfaces_function(key: PathKey, shadows: bool) -> wp.Function:
     """
     shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
-    _, closest_after, _ = ray_functions(key.sdfs)
+    _, closest_after, _ = ray_functions(key.sdfs, key.ray_accuracy)
     met = met_function(key)
     glow = glow_function(key)
     reflected = reflected_function(key, shadows)
-    with_lights, straight_through, terms = bool(key.lights), key.straight_through, key.terms
+    with_lights, straight_through, keep = bool(key.lights), key.straight_through, keep_function(key.terms)
 
     @wp.func
     def behind(scene: DeviceScene, ray: Ray, hit: Hit) -> Hit:
@@ -228,8 +228,7 @@ def first_surfaces_function(key: PathKey, shadows: bool) -> wp.Function:
             if wp.static(with_lights):
                 lights = met(scene, request.visible, camera, ray, passed_t, hit.t)
                 result.radiance += lights.radiance
-                if wp.static(terms):
-                    keep_term(request.terms, sample.pixel, 0, lights.radiance)
+                keep(request.terms, sample.pixel, 0, lights.radiance)
                 if lights.count > 0:
                     clear = 0.0
             if hit.instance < 0:
@@ -238,16 +237,14 @@ def first_surfaces_function(key: PathKey, shadows: bool) -> wp.Function:
             bsdf = prepare(scene, surface)
             emission = glow(scene, camera, ray.direction, surface, bsdf.emission)
             result.radiance += emission
-            if wp.static(terms):
-                keep_term(request.terms, sample.pixel, 0, emission)
+            keep(request.terms, sample.pixel, 0, emission)
             if wp.static(with_lights):
                 tangent = tangent_of(surface.normal)
                 wo = to_frame(tangent, surface.normal, surface.outgoing)
                 light = reflected(scene, surface, bsdf, camera.absorption, tangent, wo, sample, step)
                 scattered = wp.cw_mul(camera.diffuse, light.radiance)
                 result.radiance += scattered
-                if wp.static(terms):
-                    keep_term(request.terms, sample.pixel, 1, scattered)
+                keep(request.terms, sample.pixel, 1, scattered)
                 result.rays += wp.vec3i(0, 0, light.count)
             if wp.static(not straight_through):
                 clear = 0.0

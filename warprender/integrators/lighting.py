@@ -182,7 +182,7 @@ def shadow_function(key: PathKey) -> wp.Function:
     """
     shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
-    closest, closest_after, occluded = ray_functions(key.sdfs)
+    closest, closest_after, occluded = ray_functions(key.sdfs, key.ray_accuracy)
     straight_through = key.straight_through
     changed = "shadows" in key.light_effects
 

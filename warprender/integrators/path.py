@@ -8,7 +8,7 @@ from functools import cache
 
 import warp as wp
 
-from ..film import keep_term
+from ..film import keep_function
 from ..materials import DisplayColor
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
@@ -49,13 +49,13 @@ def radiance_function(key: PathKey) -> wp.Function:
     """`radiance(scene, request, ray, hit, cone, sample) -> PathResult`: see `samples`."""
     shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, sample_bsdf = material_functions(key.materials, key.features)
-    closest, closest_after, _ = ray_functions(key.sdfs)
+    closest, closest_after, _ = ray_functions(key.sdfs, key.ray_accuracy)
     met = met_function(key)
     aimed = aimed_function(key)
     glow = glow_function(key)
     sampled_lights, straight_through = key.sampled_lights, key.straight_through
     with_lights = bool(key.lights)
-    transmission, terms = "transmission" in key.features, key.terms
+    transmission, keep = "transmission" in key.features, keep_function(key.terms)
     several_lobes = key.straight_through or key.materials != (DisplayColor.__name__,)
 
     @wp.func
@@ -87,8 +87,7 @@ def radiance_function(key: PathKey) -> wp.Function:
             if wp.static(with_lights):
                 lights = met(scene, request.visible, last, ray, passed_t, hit.t)
                 result.radiance += lights.radiance
-                if wp.static(terms):
-                    keep_term(request.terms, sample.pixel, depth, lights.radiance)
+                keep(request.terms, sample.pixel, depth, lights.radiance)
                 if last.prim < 0 and lights.count > 0:
                     clear = 0.0
             if hit.instance < 0:
@@ -106,8 +105,7 @@ def radiance_function(key: PathKey) -> wp.Function:
                 last.specular = wp.cw_mul(last.specular, left)
             emission = glow(scene, last, ray.direction, surface, bsdf.emission)
             result.radiance += emission
-            if wp.static(terms):
-                keep_term(request.terms, sample.pixel, depth, emission)
+            keep(request.terms, sample.pixel, depth, emission)
             throughput = last.diffuse + last.specular
 
             # 3. Sample the material; clear parts let the ray go on as it is.
@@ -140,9 +138,11 @@ def radiance_function(key: PathKey) -> wp.Function:
                     chance = scattered.stay
                 scattered_once = wp.cw_mul(throughput, reflected.radiance) / chance
                 result.radiance += scattered_once
-                if wp.static(terms):
-                    keep_term(request.terms, sample.pixel, depth + 1, scattered_once)
+                keep(request.terms, sample.pixel, depth + 1, scattered_once)
                 result.rays += wp.vec3i(0, 0, reflected.count)
+
+            if request.met == 0 and depth >= request.bounces:
+                break
 
             # 5. Follow the sampled direction, unless the true surface lies between it and the side it was meant for.
             if scattered.event == EVENT_ABSORB:

@@ -30,6 +30,8 @@ FOOTPRINT = wp.constant(wp.float32(0.25))
 class PathRequest:
     """Runtime values of a pass: which samples, how many bounces, which lights the camera sees.
 
+    `met` is 0 where nothing gives light that rays meet by chance: the last bounce is for aiming alone then.
+
     Where `adaptive` is 1, pixels take the samples after those that they have, as many as `counts` (H, W) says.
 
     `unfiltered` is 1 where texture look-ups take the finest level at one point.
@@ -45,6 +47,7 @@ class PathRequest:
     counts: wp.array2d(dtype=wp.int32)
     sobol: wp.int32
     bounces: wp.int32
+    met: wp.int32
     unfiltered: wp.int32
     visible: Visible
     hits: wp.array2d(dtype=Hit)
@@ -72,6 +75,7 @@ def samples_kernel(
     radiance: wp.Function,
     rasterized: bool = False,
     terms: bool = False,
+    ray_accuracy: str = "watertight",
 ) -> wp.Kernel:
     """The kernel of a transport; item i is pixel i in rows from the top, which no other item writes.
 
@@ -81,9 +85,10 @@ def samples_kernel(
         radiance: from a factory that is cached on its key: the same function gives the same kernel.
         rasterized: whether the first hits are known; such a pass has one sample.
         terms: whether single terms are kept, as `radiance` was made for.
+        ray_accuracy: of `PathKey`.
     """
     camera_ray = camera_ray_function(camera_effects)
-    closest, _, _ = ray_functions(sdfs)
+    closest, _, _ = ray_functions(sdfs, ray_accuracy)
 
     @wp.kernel(module="unique", enable_backward=False)
     def samples(first: wp.int32, scene: DeviceScene, camera: CameraRecord, request: PathRequest, film: FilmRecord):
@@ -128,11 +133,7 @@ def samples_kernel(
             if wp.static(terms):
                 end_sample(request.terms, pixel, is_finite(result.radiance))
             if is_finite(result.radiance):
-                value = wp.vec3d(
-                    wp.float64(result.radiance[0]),
-                    wp.float64(result.radiance[1]),
-                    wp.float64(result.radiance[2]),
-                )
+                value = wp.vec3d(result.radiance)
                 total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
                 squares += wp.cw_mul(value, value)
                 replicates[(begin + s) % REPLICATES] += wp.float64(luminance(result.radiance))

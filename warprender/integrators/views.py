@@ -229,12 +229,8 @@ def sampled_function(key: ViewKey, radiance: wp.Function) -> wp.Function:
             result = PathResult()
             result = radiance(scene, request.path, ray, hit, pixel_cone(camera) * FOOTPRINT, sample)
             if is_finite(result.radiance):
-                total += wp.vec4d(
-                    wp.float64(result.radiance[0]),
-                    wp.float64(result.radiance[1]),
-                    wp.float64(result.radiance[2]),
-                    wp.float64(result.alpha),
-                )
+                value = wp.vec3d(result.radiance)
+                total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
                 kept += 1
         return wp.vec4(total / wp.float64(wp.max(kept, 1)))
 
@@ -315,6 +311,7 @@ def views_kernel(key: ViewKey, radiance: wp.Function | None) -> wp.Kernel:
                             clear += 1
                     if hit.instance >= 0:
                         seen.instance = scene.instances[hit.instance]
+                        seen.face = 0
                         if scene.geometries[seen.instance.geometry].faces.shape[0] > 0:
                             seen.face = scene.geometries[seen.instance.geometry].faces[hit.face]
                         # Unrolled in the kernel's own body, where a table of functions is safe.

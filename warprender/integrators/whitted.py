@@ -10,7 +10,7 @@ from functools import cache
 
 import warp as wp
 
-from ..film import keep_term
+from ..film import keep_function
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
 from ..materials.perfect import perfect_function
@@ -81,12 +81,12 @@ def radiance_function(key: PathKey) -> wp.Function:
     shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
     perfect = perfect_function(key.materials)
-    closest, closest_after, _ = ray_functions(key.sdfs)
+    closest, closest_after, _ = ray_functions(key.sdfs, key.ray_accuracy)
     met = met_function(key)
     glow = glow_function(key)
     reflected = reflected_function(key, True)
     with_lights, straight_through = bool(key.lights), key.straight_through
-    transmission, terms = "transmission" in key.features, key.terms
+    transmission, keep = "transmission" in key.features, keep_function(key.terms)
 
     @wp.func
     def radiance(
@@ -116,8 +116,7 @@ def radiance_function(key: PathKey) -> wp.Function:
             if wp.static(with_lights):
                 lights = met(scene, request.visible, last, ray, passed_t, hit.t)
                 result.radiance += lights.radiance
-                if wp.static(terms):
-                    keep_term(request.terms, sample.pixel, depth, lights.radiance)
+                keep(request.terms, sample.pixel, depth, lights.radiance)
                 if last.prim < 0 and lights.count > 0:
                     clear = 0.0
             if hit.instance >= 0:
@@ -130,8 +129,7 @@ def radiance_function(key: PathKey) -> wp.Function:
                     last.specular = wp.cw_mul(last.specular, left)
                 emission = glow(scene, last, ray.direction, surface, bsdf.emission)
                 result.radiance += emission
-                if wp.static(terms):
-                    keep_term(request.terms, sample.pixel, depth, emission)
+                keep(request.terms, sample.pixel, depth, emission)
 
                 if depth <= request.bounces:
                     # 2. Its rough lobes under all lights.
@@ -141,8 +139,7 @@ def radiance_function(key: PathKey) -> wp.Function:
                         light = reflected(scene, surface, bsdf, last.absorption, tangent, wo, sample, step)
                         scattered = wp.cw_mul(last.specular, light.radiance)
                         result.radiance += scattered
-                        if wp.static(terms):
-                            keep_term(request.terms, sample.pixel, depth + 1, scattered)
+                        keep(request.terms, sample.pixel, depth + 1, scattered)
                         result.rays += wp.vec3i(0, 0, light.count)
 
                     # 3. Its perfect lobes wait, reflection and refraction.

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from ..color import LUMINANCE
 from ..numerics import PI
 from ..records import DeviceScene, LightRecord, LightSample
 from .light import Light, no_light
@@ -21,9 +20,13 @@ class CameraLight(Light):
 
     infinite = True
 
+    def is_delta(self) -> bool:
+        """A point."""
+        return True
+
     def power(self, scene_radius: float) -> float:
         """Power through a disk as large as the scene."""
-        return float(self.radiance() @ LUMINANCE) * (3.14159 * scene_radius) ** 2
+        return self.brightness() * (3.14159 * scene_radius) ** 2
 
 
 @wp.func

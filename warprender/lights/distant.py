@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..color import LUMINANCE
 from ..numerics import PI, from_frame, safe_normalize, tangent_of
 from ..records import DeviceScene, LightRecord, LightSample
 from ..sampling import uniform_cone
@@ -36,6 +35,10 @@ class DistantLight(Light):
         """Half the cone's angle in radians, clamped to 0…π."""
         return float(np.clip(np.radians(self.angle) / 2.0, 0.0, np.pi))
 
+    def is_delta(self) -> bool:
+        """Parallel light, where the angle is 0."""
+        return self.half_angle() == 0.0
+
     def size(self) -> tuple[float, float, float]:
         """1 - cos of the half angle."""
         return (2.0 * np.sin(self.half_angle() / 2.0) ** 2, 0.0, 0.0)
@@ -50,7 +53,7 @@ class DistantLight(Light):
 
     def power(self, scene_radius: float) -> float:
         """Power through a disk as large as the scene."""
-        return float(self.radiance() @ LUMINANCE) * self.size_factor() * np.pi * scene_radius**2
+        return self.brightness() * self.size_factor() * np.pi * scene_radius**2
 
     def local_to_world(self) -> np.ndarray:
         """(3, 3) whose last row is the unit direction towards the light; scale and shear drop out."""

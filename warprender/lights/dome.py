@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from ..color import LUMINANCE
+from ..given import shown
 from ..numerics import INFINITY
 from ..records import DeviceScene, LightRecord, LightSample
-from .environment import LightTexture, density_of, draw_direction, radiance_from
+from .environment import LightTexture, density_of, draw_direction, fault_of_texture, radiance_from
 from .light import Light, infinite_sample, linear_part, local_sample, no_light
 
 if TYPE_CHECKING:
@@ -39,6 +39,18 @@ class DomeLight(Light):
 
     infinite = True
 
+    def fault(self) -> str:
+        """As of every light, of the texture, the pole and the portals."""
+        if fault := super().fault() or fault_of_texture(self.texture):
+            return fault
+        if self.poleAxis not in ("Y", "Z"):
+            return f"poleAxis is {self.poleAxis!r}, not 'Y' or 'Z'"
+        if not isinstance(self.portals, (tuple, list)) or not all(
+            hasattr(portal, "opening") for portal in self.portals
+        ):
+            return f"portals is {shown(self.portals)}, not a tuple of PortalLight"
+        return next((f"one of its portals: {fault}" for portal in self.portals if (fault := portal.fault())), "")
+
     def kind(self) -> str:
         """One of its own with a texture, one with portals."""
         if self.portals:
@@ -47,7 +59,7 @@ class DomeLight(Light):
 
     def power(self, scene_radius: float) -> float:
         """Power through a disk as large as the scene, or through the portals; 0 with neither: never chosen."""
-        radiance = float(self.radiance() @ LUMINANCE)
+        radiance = self.brightness()
         if self.texture is not None:
             radiance *= self.texture.mean_over_sphere()
         if self.portals:

@@ -16,6 +16,7 @@ import numpy as np
 import warp as wp
 
 from ..color import LUMINANCE
+from ..given import shown
 from ..numerics import PI
 from ..records import ImageRecord
 from ..sampling import interval_of, share_of
@@ -79,6 +80,13 @@ class LightTexture:
             record.density = wp.array(density, dtype=wp.float32, device=device)
             kept += [record.rows, record.columns, record.density]
         return record, kept
+
+
+def fault_of_texture(texture: object) -> str:
+    """What is wrong with a light's texture, in a few words; None is none."""
+    if texture is None or isinstance(texture, LightTexture):
+        return ""
+    return f"texture is {shown(texture)}, not a LightTexture, as LightTexture.of(texels) makes it"
 
 
 def bins(texels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
 import warp as wp
 
 from ..color import LUMINANCE, blackbody_tint
+from ..given import fault_of_fields, fault_of_matrix, shown
 from ..numerics import INFINITY
 from ..records import LightRecord, LightSample
 from ..watched import Watched
@@ -62,6 +64,25 @@ class Light(Watched):
     #: Whether it is infinitely far away, or else has no place in the tree of lights.
     infinite = False
 
+    def fault(self) -> str:
+        """What is wrong with its fields, in a few words; "" for a good light."""
+        for name, kind in (("shaping", Shaping), ("shadow", Shadow)):
+            if not isinstance(getattr(self, name), kind):
+                return f"{name} is {shown(getattr(self, name))}, not a {kind.__name__}"
+        for part in (self, self.shaping, self.shadow):
+            if fault := fault_of_fields(part):
+                return fault
+        for name in ("unlit", "unshadowed"):
+            if not isinstance(getattr(self, name), Collection) or isinstance(getattr(self, name), str):
+                return f"{name} is {shown(getattr(self, name))}, not a set of prim paths"
+        if fault := fault_of_matrix("transform", self.transform):
+            return fault
+        if max(map(abs, self.size())) > MOST_SIZE:
+            return "it is too large for float32"
+        if not abs(self.strength()) <= MOST_STRENGTH:
+            return f"intensity and exposure make {self.strength():g}, too much for float32"
+        return ""
+
     def size_factor(self) -> float:
         """What `normalize` divides by; a light without a size answers 1."""
         return 1.0
@@ -83,6 +104,10 @@ class Light(Watched):
         value = value * self.shaping.profile_scale()
         return value if (np.abs(value) <= MOST_STRENGTH).all() else np.zeros(3)
 
+    def brightness(self) -> float:
+        """Luminance of the radiance, by which lights are chosen; that of a negative light is its size."""
+        return float(np.abs(self.radiance()) @ LUMINANCE)
+
     def kind(self) -> str:
         """Name of the device functions that draw it."""
         return type(self).__name__
@@ -97,7 +122,11 @@ class Light(Watched):
 
     def power(self, scene_radius: float) -> float:
         """Emitted power of a grey light, roughly; 0 keeps next-event estimation from choosing the light."""
-        return float(self.radiance() @ LUMINANCE) * np.pi * self.size_factor() * self.profile_mean()
+        return self.brightness() * np.pi * self.size_factor() * self.profile_mean()
+
+    def is_delta(self) -> bool:
+        """Whether no ray meets it by chance, as a point or a direction without a size."""
+        return False
 
     def profile_mean(self) -> float:
         """Mean of the photometric profile over all directions, 1 without one."""

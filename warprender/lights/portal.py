@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
+from ..given import fault_of_fields, fault_of_matrix
 from ..records import DeviceScene, LightRecord, LightSample
 from . import dome, rect
 from .light import no_light, point_to_light
@@ -39,6 +40,10 @@ class PortalLight:
     width: float = 1.0
     height: float = 1.0
     transform: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+    def fault(self) -> str:
+        """What is wrong with its fields, in a few words; "" for a good portal."""
+        return fault_of_fields(self) or fault_of_matrix("transform", self.transform)
 
     def opening(self) -> rect.RectLight:
         """The same rectangle as a light, by whose functions it is aimed at."""

@@ -9,7 +9,7 @@ import warp as wp
 
 from ..numerics import PI
 from ..records import DeviceScene, LightRecord, LightSample
-from .environment import LightTexture, texel_at
+from .environment import LightTexture, fault_of_texture, texel_at
 from .light import Light, flat_to_world, forwards, local_sample, no_light, point_to_light
 
 #: Below this solid angle the closed form has lost its digits in float32; the rectangle is sampled by area.
@@ -34,6 +34,10 @@ class RectLight(Light):
     width: float = 1.0
     height: float = 1.0
     texture: LightTexture | None = None
+
+    def fault(self) -> str:
+        """As of every light, and of the texture."""
+        return super().fault() or fault_of_texture(self.texture)
 
     def kind(self) -> str:
         """One of its own with a texture."""

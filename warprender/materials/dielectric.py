@@ -21,7 +21,6 @@ from ..numerics import max_component
 from ..records import (
     EVENT_ABSORB,
     EVENT_DELTA,
-    EVENT_SCATTER,
     Bsdf,
     BsdfSample,
     BsdfValue,
@@ -32,7 +31,8 @@ from ..sampling import ggx_visible_normal
 from .fresnel import fresnel_dielectric, refracted, thin_sheet
 from .inputs import Color, Number, Varying, clamped, row_of, values_function
 from .material import BaseMaterial
-from .microfacet import SMALLEST_ALPHA, ggx_density, ggx_visible_pdf, smith_length
+from .microfacet import SMALLEST_ALPHA, ggx_density, ggx_visible_pdf, is_perfect, smith_length
+from .scattering import scattered
 
 #: Inputs in the order of their numbers. `normal` has the number of all kinds.
 INPUTS = (
@@ -83,6 +83,16 @@ class Dielectric(BaseMaterial):
     attenuationDistance: Number = float("inf")
     thinWalled: int | Varying = 0
     normal: Color = (0.0, 0.0, 1.0)
+
+    def lobes(self) -> tuple[str, ...]:
+        """Reflection and transmission, both smooth or both rough; either where that varies or is near the limit."""
+        if isinstance(self.roughness, Varying):
+            return ("glossy", "mirror", "refraction", "rough refraction")
+        if is_perfect(self.roughness):
+            return ("mirror", "refraction")
+        bends = 0.0 if isinstance(self.ior, Varying) else abs(self.ior - 1.0) / max(self.ior, 1.0)
+        sure = self.roughness**2 * bends > 2.0 * float(_SMALLEST_SPREAD)
+        return ("glossy", "rough refraction") if sure else ("glossy", "mirror", "refraction", "rough refraction")
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected and transmitted share of light, any direction and channel."""
@@ -244,10 +254,4 @@ def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float)
     # What a facet sends to the wrong side of the surface would meet another one: single scattering ends there.
     if wi[2] == 0.0 or (wi[2] > 0.0) != reflects:
         return result
-    value = facet_value(bsdf, wo, wi, h)
-    if value.pdf > 0.0:
-        result.event = EVENT_SCATTER
-        result.direction = wi
-        result.specular = value.specular / value.pdf
-        result.pdf = value.pdf
-    return result
+    return scattered(wi, facet_value(bsdf, wo, wi, h), 1.0)

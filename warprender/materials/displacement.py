@@ -134,7 +134,7 @@ def _turned_normals(mesh: Mesh, corners: np.ndarray, moved: np.ndarray) -> Primv
     So authored normals, and the exact ones of a limit surface, keep what the triangles alone do not know.
     """
     normals = mesh.normals
-    if normals is None or normals.interpolation not in ("vertex", "faceVarying"):
+    if not isinstance(normals, Primvar) or normals.interpolation not in ("vertex", "faceVarying"):
         return normals
     elements = mesh.triangles if normals.interpolation == "vertex" else mesh.corners
     if normals.indices is not None:

@@ -47,6 +47,10 @@ class DisplayColor(BaseMaterial):
         """Whether rays may go straight through."""
         return self.opacity < 1.0
 
+    def lobes(self) -> tuple[str, ...]:
+        """Lambert's alone."""
+        return ("diffuse",)
+
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""
         return max(self.color)

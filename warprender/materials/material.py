@@ -6,10 +6,22 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..given import fault_of_fields
 from ..watched import Watched
 from .inputs import NORMAL, Varying, constant
 
 _PLAIN_NORMAL = (0.0, 0.0, 1.0)
+
+#: Ways in which surfaces scatter light, and what calls for them. "mirror" and "refraction" are perfect.
+LOBES = {
+    "clearcoat": "a clearcoat above 0",
+    "diffuse": "a diffuseColor or displayColor that is not black",
+    "glossy": "a specular lobe of a roughness above 0",
+    "measured": "a warprender:MeasuredBRDF",
+    "mirror": "a specular lobe of roughness 0",
+    "refraction": "a warprender:Dielectric of roughness 0",
+    "rough refraction": "a warprender:Dielectric of a roughness above 0",
+}
 
 
 class BaseMaterial(Watched):
@@ -35,6 +47,10 @@ class BaseMaterial(Watched):
             found[NORMAL] = "normal", normal
         return found
 
+    def fault(self) -> str:
+        """What is wrong with its fields, in a few words; "" for a good material."""
+        return fault_of_fields(self, varying=Varying)
+
     def passes_light(self) -> bool:
         """Whether rays may go straight through; what does not stops shadow rays."""
         return False
@@ -42,6 +58,10 @@ class BaseMaterial(Watched):
     def is_cut_out(self) -> bool:
         """Whether it is either there or not, by a threshold."""
         return False
+
+    def lobes(self) -> tuple[str, ...]:
+        """Those of `LOBES` by which it may scatter light; both of two where a texture decides. By default all."""
+        return tuple(LOBES)
 
     def largest_emission(self) -> float:
         """Upper bound on the luminance that is emitted; 1 where it varies."""

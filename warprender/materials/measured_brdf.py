@@ -15,10 +15,11 @@ import numpy as np
 import warp as wp
 
 from ..numerics import PI
-from ..records import EVENT_SCATTER, BrdfRecord, Bsdf, BsdfSample, BsdfValue, DeviceScene, Surface
+from ..records import BrdfRecord, Bsdf, BsdfSample, BsdfValue, DeviceScene, Surface
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf, interval_of, share_of
 from .brdf_table import ANGLES, COLUMNS, ROWS, BrdfTable
 from .material import BaseMaterial
+from .scattering import scattered
 
 ALBEDO = wp.constant(wp.int32(0))
 
@@ -48,6 +49,10 @@ class MeasuredBRDF(BaseMaterial):
     def pack(self) -> np.ndarray:
         """Values by input number: (1, 3), the albedo seen along the normal."""
         return self.table.albedos[:1].astype(np.float32)
+
+    def lobes(self) -> tuple[str, ...]:
+        """What was measured is one."""
+        return ("measured",)
 
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel; data may reflect more than 1."""
@@ -208,17 +213,9 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
 @wp.func
 def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float) -> BsdfSample:
     """Pick a lobe, and weigh by the pdf of both."""
-    result = BsdfSample()
-    result.stay = 1.0
     brdf = scene.brdfs[bsdf.table]
     wi = cosine_hemisphere(u)
     if lobe >= cosine_share(brdf, wo):
         h = draw_half_vector(brdf, wo, u)
         wi = h * (2.0 * wp.dot(wo, h)) - wo
-    value = evaluate(scene, bsdf, wo, wi)
-    if value.pdf > 0.0:
-        result.event = EVENT_SCATTER
-        result.direction = wi
-        result.diffuse = value.diffuse / value.pdf
-        result.pdf = value.pdf
-    return result
+    return scattered(wi, evaluate(scene, bsdf, wo, wi), 1.0)

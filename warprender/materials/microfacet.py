@@ -5,12 +5,19 @@ Directions are unit vectors of the shading frame, z along the normal. Vector for
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
 from ..numerics import PI
 
 #: Below this alpha a lobe is a delta lobe: a float32 half-vector no longer resolves it.
 SMALLEST_ALPHA = wp.constant(wp.float32(1.0e-4))
+
+
+def is_perfect(roughness: float) -> bool:
+    """Whether a lobe of this roughness is a delta lobe, in the float32 arithmetic of kernels."""
+    clipped = np.float32(np.clip(roughness, 0.0, 1.0))
+    return bool(clipped * clipped < np.float32(float(SMALLEST_ALPHA)))
 
 
 @wp.func

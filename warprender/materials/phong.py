@@ -18,10 +18,11 @@ import numpy as np
 import warp as wp
 
 from ..numerics import INV_PI, from_frame, max_component, tangent_of
-from ..records import EVENT_SCATTER, Bsdf, BsdfSample, BsdfValue, DeviceScene, Surface
+from ..records import Bsdf, BsdfSample, BsdfValue, DeviceScene, Surface
 from ..sampling import cosine_hemisphere, cosine_hemisphere_pdf
 from .inputs import Color, Number, Varying, row_of, values_function
 from .material import BaseMaterial
+from .scattering import scattered
 
 #: Inputs in the order of their numbers; `normal` has the number of all kinds.
 INPUTS = ("ambientColor", "diffuseColor", "specularColor", "exponent")
@@ -54,6 +55,11 @@ class Phong(BaseMaterial):
     specularColor: Color = (0.0, 0.0, 0.0)
     exponent: Number = 32.0
     normal: Color = (0.0, 0.0, 1.0)
+
+    def lobes(self) -> tuple[str, ...]:
+        """The diffuse part, and the highlight."""
+        named = {"diffuse": self.diffuseColor, "glossy": self.specularColor}
+        return tuple(name for name, color in named.items() if isinstance(color, Varying) or np.max(color) > 0)
 
     def largest_albedo(self) -> float:
         """Upper bound on the share of light that "path" reflects, any direction and channel."""
@@ -112,8 +118,6 @@ def evaluate(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, wi: wp.vec3) -> BsdfVa
 @wp.func
 def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float) -> BsdfSample:
     """Cosine-weighted, or about the mirror direction with density (α + 1) / 2π cos^α (Lafortune and Willems 1994)."""
-    result = BsdfSample()
-    result.stay = 1.0
     wi = cosine_hemisphere(u)
     if lobe >= diffuse_probability(bsdf):
         # 1 - cos² = 1 - exp(x), without the cancellation of narrow highlights.
@@ -124,11 +128,4 @@ def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float)
         about = wp.vec3(sine * wp.cos(phi), sine * wp.sin(phi), wp.sqrt(wp.max(0.0, 1.0 - sine * sine)))
         mirrored = wp.vec3(-wo[0], -wo[1], wo[2])
         wi = from_frame(tangent_of(mirrored), mirrored, about)
-    value = evaluate(scene, bsdf, wo, wi)
-    if value.pdf > 0.0:
-        result.event = EVENT_SCATTER
-        result.direction = wi
-        result.diffuse = value.diffuse / value.pdf
-        result.specular = value.specular / value.pdf
-        result.pdf = value.pdf
-    return result
+    return scattered(wi, evaluate(scene, bsdf, wo, wi), 1.0)

@@ -24,7 +24,6 @@ from ..records import (
     EVENT_ABSORB,
     EVENT_DELTA,
     EVENT_PASS,
-    EVENT_SCATTER,
     Bsdf,
     BsdfSample,
     BsdfValue,
@@ -39,9 +38,11 @@ from .microfacet import (
     SMALLEST_ALPHA,
     ggx_reflection,
     ggx_visible_pdf,
+    is_perfect,
     schlick,
     schlick_weight,
 )
+from .scattering import scattered
 
 #: Inputs in the order of their numbers; the mode is 1 for "presence". `normal` has the number of all kinds.
 INPUTS = (
@@ -62,6 +63,7 @@ OPACITY_THRESHOLD = _NUMBERS["opacityThreshold"]
 IOR = _NUMBERS["ior"]
 SPECULAR_EDGE_COLOR = _NUMBERS["specularEdgeColor"]
 OPACITY_MODE = _NUMBERS["opacityMode"]
+OPACITY_MODES = ("transparent", "presence")
 
 
 @dataclass
@@ -111,6 +113,11 @@ class PreviewSurface(BaseMaterial):
     displacement: Number = 0.0
     specularEdgeColor: Color = (1.0, 1.0, 1.0)
 
+    def fault(self) -> str:
+        """As of every material, and of the mode."""
+        known = self.opacityMode in OPACITY_MODES
+        return super().fault() or ("" if known else f"opacityMode is {self.opacityMode!r}, not one of {OPACITY_MODES}")
+
     def pack(self) -> np.ndarray:
         """Values by input number: (n, 3)."""
         rows = [constant(getattr(self, name)) for name in INPUTS[:-1]]
@@ -132,13 +139,25 @@ class PreviewSurface(BaseMaterial):
             return 1.0
         return float(np.dot(self.emissiveColor, LUMINANCE))
 
+    def lobes(self) -> tuple[str, ...]:
+        """The diffuse part unless it is all metal, the specular lobe, and the clearcoat's."""
+        metal = self.useSpecularWorkflow == 0 and self.metallic == 1.0
+        black = not isinstance(self.diffuseColor, Varying) and np.max(self.diffuseColor) <= 0.0
+        found = set() if metal or black else {"diffuse"}
+        if not (metal and black):
+            found |= _gloss_of(self.roughness)
+        if isinstance(self.clearcoat, Varying) or self.clearcoat > 0.0:
+            found |= {"clearcoat"} | _gloss_of(self.clearcoatRoughness)
+        return tuple(sorted(found))
+
     def largest_albedo(self) -> float:
         """Upper bound on the reflected share of light, any direction and channel."""
         names = ("diffuseColor", "specularColor", "useSpecularWorkflow", "metallic", "roughness", "ior")
         if any(isinstance(getattr(self, name), Varying) for name in (*names, "clearcoat", "clearcoatRoughness")):
             return 1.0
-        # A white edge bounds every other one.
-        tint, f0, f90 = np.array(self.diffuseColor), np.array(self.specularColor), 1.0
+        tint, f0 = np.array(self.diffuseColor), np.array(self.specularColor)
+        edge = self.specularEdgeColor
+        f90 = 1.0 if isinstance(edge, Varying) else np.clip(edge, 0.0, 1.0)
         ior = max(self.ior, 0.0)
         diffuse, coat_f0 = tint, ((1 - ior) / (1 + ior)) ** 2
         if not self.useSpecularWorkflow:
@@ -148,6 +167,13 @@ class PreviewSurface(BaseMaterial):
         base = _gloss(self.roughness, f0, f90) + np.max(diffuse) * (1 - np.min(f0))
         coat = self.clearcoat * _gloss(self.clearcoatRoughness, coat_f0, 1.0)
         return float(min(1.0, coat + (1 - coat) * base))
+
+
+def _gloss_of(roughness: Number) -> set[str]:
+    """Whether a lobe of this roughness is perfect, or may be."""
+    if isinstance(roughness, Varying):
+        return {"glossy", "mirror"}
+    return {"mirror"} if is_perfect(roughness) else {"glossy"}
 
 
 def _gloss(roughness: float, f0: np.ndarray | float, f90: np.ndarray | float) -> float:
@@ -369,11 +395,4 @@ def sample(scene: DeviceScene, bsdf: Bsdf, wo: wp.vec3, u: wp.vec2, lobe: float)
         result.direction = -wo
         result.specular = wp.vec3(bsdf.pass_through / probability[3])
         return result
-    value = evaluate(scene, bsdf, wo, wi)
-    if value.pdf > 0.0:
-        result.event = EVENT_SCATTER
-        result.direction = wi
-        result.diffuse = value.diffuse / value.pdf
-        result.specular = value.specular / value.pdf
-        result.pdf = value.pdf
-    return result
+    return scattered(wi, evaluate(scene, bsdf, wo, wi), result.stay)

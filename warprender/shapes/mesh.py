@@ -12,7 +12,13 @@ from ..numerics import max_component, triangle_point
 from ..records import DeviceScene, Hit
 from ..watched import Watched
 from .local_surface import LocalSurface
+from .normals import vertex_normals
 from .primvar import Primvar, interpolate
+
+#: `Mesh.normals` that are computed from the points as they are, on the device.
+SMOOTH = "smooth"
+#: Attributes of a mesh that say nothing of what it is made of.
+POINTS = ("stored", "handed_out", "rest")
 
 
 @dataclass
@@ -25,20 +31,36 @@ class Mesh(Watched):
         triangles: (T, 3) int32 indices into `points`. The geometric normal is (p1 - p0) × (p2 - p0).
         faces: (T,) int32, the authored face that each triangle belongs to.
         corners: (T, 3) int32, the authored face corner (index into `faceVertexIndices`) of each vertex.
-        normals: shading normals in object space, or None for flat shading.
+        normals: shading normals in object space: a `Primvar`, a `wp.array(dtype=wp.vec3)` of one for each point
+            that is read in place, `SMOOTH` for those of the points as they are, or None for flat shading.
         primvars: name to `Primvar`, in terms of the authored faces, points and corners.
         face_materials: material path to the (K,) int32 authored faces that it covers (GeomSubset).
         double_sided: as authored. Both sides are drawn either way.
+        normals_follow: whether authored normals go along with points that are written in place.
     """
 
     points: np.ndarray
     triangles: np.ndarray
     faces: np.ndarray
     corners: np.ndarray
-    normals: Primvar | None = None
+    normals: Primvar | wp.array | str | None = None
     primvars: dict[str, Primvar] = field(default_factory=dict)
     face_materials: dict[str, np.ndarray] = field(default_factory=dict)
     double_sided: bool = False
+    normals_follow: bool = True
+
+    def __setattr__(self, name: str, value: object) -> None:
+        super().__setattr__(name, value)
+        if name == "normals":
+            _remember_rest(self)
+
+    def host_normals(self) -> Primvar | None:
+        """The normals on the host, as they are authored or follow from the points as they are now."""
+        if isinstance(self.normals, wp.array):
+            return Primvar(self.normals.numpy().astype(np.float32), "vertex")
+        if isinstance(self.normals, str):
+            return Primvar(vertex_normals(self.host_points(), self.triangles), "vertex")
+        return self.normals
 
     def host_points(self) -> np.ndarray:
         """(N, 3) float32 points on the host."""
@@ -74,12 +96,21 @@ class Mesh(Watched):
 def _hand_out(mesh: Mesh) -> np.ndarray | wp.array:
     if not mesh.handed_out:
         mesh.handed_out = True
+        _remember_rest(mesh)
     return mesh.stored
 
 
 def _take(mesh: Mesh, points: np.ndarray | wp.array) -> None:
     mesh.stored = points
     mesh.handed_out = isinstance(points, wp.array)
+    _remember_rest(mesh)
+
+
+def _remember_rest(mesh: Mesh) -> None:
+    """Keep the points that authored normals belong to, once somebody may write into them."""
+    written = mesh.handed_out and isinstance(mesh.normals, Primvar)
+    # Not by assignment: what the scene shows has not changed.
+    mesh.__dict__["rest"] = mesh.host_points().copy() if written else None
 
 
 # Whoever has been given the points may write into them: `handed_out` says which meshes may have moved. The renderer

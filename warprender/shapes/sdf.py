@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from ..given import is_number, plain_array, shown
 from ..numerics import GAMMA_7, max_component
 from ..records import DeviceScene, SdfRecord
 from ..watched import Watched
@@ -58,6 +59,15 @@ class Sdf(Watched):
         """What keeps it from being drawn, in words, or ""."""
         if self.bounds.shape != (2, 3) or not (self.bounds[0] < self.bounds[1]).all():
             return "bounds are not a lower and an upper corner"
+        for name in ("lipschitz", "precision"):
+            value = getattr(self, name)
+            if not (value is None and name == "precision") and not (is_number(value) and 0 < value < np.inf):
+                return f"{name} is {shown(value)}, not a number above 0"
+        parameters = plain_array(self.parameters)
+        if parameters.ndim != 1 or len(parameters) > 4 or not all(map(is_number, parameters)):
+            return f"parameters are {shown(self.parameters)}, not up to four numbers"
+        if not np.isfinite(parameters.astype(np.float64)).all():
+            return f"parameters are {shown(self.parameters)}, not all finite"
         if self.values is not None:
             return self._fault_of_values()
         if not isinstance(self.function, wp.Function) or len(self.function.input_types) not in (1, 2):
@@ -67,11 +77,7 @@ class Sdf(Watched):
             return "the distance is not a wp.func of a vec3, or of a vec3 and a vec4"
         if self.precision is None and not np.isfinite(self.bounds).all():
             return "bounds without an end need a precision"
-        if not 0 < self.lipschitz < np.inf:
-            return f"lipschitz {self.lipschitz} is not a number above 0"
-        if self.precision is not None and not 0 < self.precision < np.inf:
-            return f"precision {self.precision} is not a number above 0"
-        return "" if len(self.parameters) <= 4 else "there are more than four parameters"
+        return ""
 
     def _fault_of_values(self) -> str:
         if self.values.ndim != 3 or min(self.values.shape) < 2:

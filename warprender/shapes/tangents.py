@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .mesh import Mesh
+from .normals import same_rows
 
 
 def corner_tangents(mesh: Mesh, points: np.ndarray, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -34,16 +35,8 @@ def corner_tangents(mesh: Mesh, points: np.ndarray, coordinates: np.ndarray) -> 
 
     flat = along[:, None] - normals * np.einsum("tk,tck->tc", along, normals)[..., None]
     weighted = _unit(flat) * corner_angles(corners)[..., None]
-    looks = np.concatenate(
-        [corners, normals, coordinates, np.broadcast_to(sign[:, None, None], (len(sign), 3, 1))], 2
-    ).astype(np.float32)
-    rows = np.ascontiguousarray(looks.reshape(-1, looks.shape[2]) + np.float32(0.0))
-    _, first, group = np.unique(
-        rows.view(np.dtype((np.void, rows.dtype.itemsize * rows.shape[1]))).reshape(-1),
-        return_index=True,
-        return_inverse=True,
-    )
-    group = group.reshape(-1)
+    looks = np.concatenate([corners, normals, coordinates, np.broadcast_to(sign[:, None, None], (len(sign), 3, 1))], 2)
+    first, group = same_rows(looks.reshape(-1, looks.shape[2]))
     sums = np.stack([np.bincount(group, weighted[..., k].reshape(-1), len(first)) for k in range(3)], 1)
     signs = np.repeat(sign, 3)[first]
     return np.concatenate([_unit(sums), signs[:, None]], 1).astype(np.float32), group.reshape(-1, 3).astype(np.int32)
@@ -51,7 +44,7 @@ def corner_tangents(mesh: Mesh, points: np.ndarray, coordinates: np.ndarray) -> 
 
 def corner_normals(mesh: Mesh, corners: np.ndarray) -> np.ndarray:
     """(T, 3, 3) unit normals at the corners (T, 3, 3) of the triangles: the mesh's own, else those of the faces."""
-    normals = mesh.normals
+    normals = mesh.host_normals()
     if normals is None or normals.interpolation not in ("vertex", "faceVarying"):
         flat = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
         return np.repeat(flat[:, None], 3, 1)

@@ -7,13 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .measure import Measurement, Reference, Study
+from .kept import Measurement, Reference
+from .measure import Study
 from .settings import Setting
 
 #: Two-sided 95 % points of Student's t by degrees of freedom; beyond, the normal distribution's.
 _T95 = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14, 2.13, 2.12, 2.11, 2.10)
 #: Standard errors from which on a bias is called one.
 _BIAS_SIGMAS = 3.0
+#: What time goes by: seconds as they pass, or those of all threads of the processor, which other work disturbs less.
+CLOCKS = ("wall", "processor")
 
 
 @dataclass
@@ -26,17 +29,22 @@ class Row:
         value: of it.
         samples: a pixel, mean.
         pictures: how many seeds.
-        seconds: median of sampling.
+        seconds: median of sampling, by the clock.
         spread: of the seconds, (largest − smallest) / median.
+        processor_seconds: median of all threads' time together.
+        processor_spread: of it.
         rays: mean.
         rmse: root of the mean squared error over all pictures.
         relative_mse: mean.
         flip: mean, or None.
         bias: root of the squared bias over pixels, noise taken off; None for one picture.
-        bias_sigmas: squared bias over its standard error; above 3 there is one.
+        bias_sigmas: squared bias over its standard error; above 3 there is one. None for one picture, and where there
+            is no noise, so that any difference is bias.
         deviation: standard deviation of a pixel from picture to picture; None for one picture.
-        efficiency: 1 / (MSE · seconds).
+        efficiency: 1 / (MSE · time); None where there is no error.
+        biased: whether more than chance lies between the mean of the pictures and the reference; None for one picture.
         best: whether nothing measured is both quicker and closer (the Pareto front).
+        time: the seconds that efficiency and the front go by: those of the clock or of the processor.
     """
 
     setting: str
@@ -46,6 +54,8 @@ class Row:
     pictures: int
     seconds: float
     spread: float
+    processor_seconds: float
+    processor_spread: float
     rays: float
     rmse: float
     relative_mse: float
@@ -53,50 +63,64 @@ class Row:
     bias: float | None
     bias_sigmas: float | None
     deviation: float | None
-    efficiency: float
-    best: bool = False
+    efficiency: float | None
+    biased: bool | None
+    best: bool
+    time: float
 
 
-def rows(study: Study, settings: Sequence[Setting], reference: Reference) -> list[Row]:
-    """A row for each setting that has been measured, in the order of `settings`."""
+def rows(study: Study, settings: Sequence[Setting], reference: Reference, clock: str = "wall") -> list[Row]:
+    """A row for each setting that has been measured, in the order of `settings`; `clock` is of `CLOCKS`."""
     found = []
     for setting in settings:
         measured = [m for m in study.measurements if m.setting == setting.name]
         if measured:
             pictures = np.stack([study.picture(m.setting, m.seed) for m in measured]).astype(np.float64)
-            found.append(_row(setting, measured, pictures, reference))
+            found.append(_row(setting, measured, pictures, reference, clock))
     for row in found:
         row.best = not any(
-            (other.seconds <= row.seconds and other.rmse < row.rmse)
-            or (other.seconds < row.seconds and other.rmse <= row.rmse)
+            (other.time <= row.time and other.rmse < row.rmse) or (other.time < row.time and other.rmse <= row.rmse)
             for other in found
         )
     return found
 
 
-def _row(setting: Setting, measured: Sequence[Measurement], pictures: np.ndarray, reference: Reference) -> Row:
-    seconds = np.array([m.seconds for m in measured])
+def _row(
+    setting: Setting, measured: Sequence[Measurement], pictures: np.ndarray, reference: Reference, clock: str
+) -> Row:
+    seconds, spread = _median_and_spread([m.seconds for m in measured])
+    processor, processor_spread = _median_and_spread([m.processor_seconds for m in measured])
+    taken = processor if clock == "processor" else seconds
     mse = float(np.mean([m.rmse**2 for m in measured]))
     flips = [m.flip for m in measured if m.flip is not None]
     bias, sigmas, deviation = bias_and_deviation(pictures, reference) if len(measured) > 1 else (None,) * 3
-    median = float(np.median(seconds))
     return Row(
-        setting.name,
-        setting.knob,
-        setting.value,
-        float(np.mean([m.samples for m in measured])),
-        len(measured),
-        median,
-        float(np.ptp(seconds) / median),
-        float(np.mean([m.rays for m in measured])),
-        float(np.sqrt(mse)),
-        float(np.mean([m.relative_mse for m in measured])),
-        float(np.mean(flips)) if flips else None,
-        bias,
-        sigmas,
-        deviation,
-        1.0 / (mse * median) if mse > 0.0 else float("inf"),
+        setting=setting.name,
+        knob=setting.knob,
+        value=setting.value,
+        samples=float(np.mean([m.samples for m in measured])),
+        pictures=len(measured),
+        seconds=seconds,
+        spread=spread,
+        processor_seconds=processor,
+        processor_spread=processor_spread,
+        rays=float(np.mean([m.rays for m in measured])),
+        rmse=float(np.sqrt(mse)),
+        relative_mse=float(np.mean([m.relative_mse for m in measured])),
+        flip=float(np.mean(flips)) if flips else None,
+        bias=bias,
+        bias_sigmas=sigmas if sigmas is not None and np.isfinite(sigmas) else None,
+        deviation=deviation,
+        efficiency=1.0 / (mse * taken) if mse * taken > 0.0 else None,
+        biased=None if sigmas is None else sigmas > _BIAS_SIGMAS,
+        best=False,
+        time=taken,
     )
+
+
+def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
+    median = float(np.median(values))
+    return median, float(np.ptp(values)) / median if median > 0.0 else 0.0
 
 
 def bias_and_deviation(pictures: np.ndarray, reference: Reference) -> tuple[float, float, float]:
@@ -118,11 +142,6 @@ def bias_and_deviation(pictures: np.ndarray, reference: Reference) -> tuple[floa
     # Where no picture has noise, any difference is bias.
     sigmas = squared / error if error > 0.0 else (float("inf") if squared > 0.0 else 0.0)
     return float(np.sqrt(max(squared, 0.0))), float(sigmas), float(np.sqrt(variance.mean()))
-
-
-def is_biased(row: Row) -> bool:
-    """Whether more than chance lies between the mean of the setting's pictures and the reference."""
-    return row.bias_sigmas is not None and row.bias_sigmas > _BIAS_SIGMAS
 
 
 def slope(samples: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:

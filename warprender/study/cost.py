@@ -160,7 +160,7 @@ def _opaque(effect: str, scene: Scene, camera: Camera) -> Iterator[Variant]:
 
 
 def _without_other(effect: str, plan: RenderPlan, scene: Scene, camera: Camera) -> Iterator[Variant]:
-    if effect == "lens":
+    if effect == "depth of field":
         yield Variant(effect, "fStop 0", scene, replace(camera, fStop=0.0))
     elif effect == "clipping planes":
         yield Variant(effect, "no clippingPlanes", scene, replace(camera, clippingPlanes=()))
@@ -168,6 +168,8 @@ def _without_other(effect: str, plan: RenderPlan, scene: Scene, camera: Camera) 
         yield Variant(effect, "lights met by chance alone", scene, camera, key={"sampled_lights": False})
     elif effect == "energy compensation":
         yield Variant(effect, "without", scene, camera, {"energy_compensation": False})
+    elif effect == "fast rays":
+        yield Variant(effect, "watertight ones", scene, camera, {"ray_accuracy": "watertight"})
     elif effect == "denoising":
         yield Variant(effect, "without", scene, camera, {"denoise": False})
 

@@ -1,17 +1,18 @@
-"""Renders the settings of a study, and keeps what is measured in its folder, so that a study can go on later."""
+"""Renders the reference and the settings of a study, and measures each picture."""
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from .. import images
-from ..renderer import FEWEST_FOR_ERROR, Renderer
+from ..frame import Frame
+from ..renderer import Renderer
+from ..stopping import FEWEST_FOR_ERROR
+from .kept import Folder, Measurement, Reference
 from .metrics import differences, flip, flip_available
 from .settings import Setting
 
@@ -20,7 +21,7 @@ _REFERENCE_SEEDS = (2_000_000_011, 2_000_000_033)
 #: Samples of the reference, in those of the best setting.
 _REFERENCE_FACTOR = 16
 #: Share of the budget that the reference may take.
-_REFERENCE_SHARE = 0.4
+REFERENCE_SHARE = 0.4
 
 #: Called with the share that is done and a word for what is under way.
 Progress = Callable[[float, str], None]
@@ -30,43 +31,13 @@ class Interrupted(Exception):
     """Ctrl-C was pressed; what was finished is kept."""
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """One picture: what it took, and how far it lies from the reference.
-
-    `seconds` are those of sampling (and denoising), `rays` of all kinds, `samples` a pixel; `flip` is None without
-    flip-evaluator.
-    """
-
-    setting: str
-    seed: int
-    seconds: float
-    rays: int
-    rmse: float
-    relative_mse: float
-    maximum: float
-    flip: float | None
-    stated_error: float
-    samples: float
-
-
-@dataclass(frozen=True)
-class Reference:
-    """The picture that others are measured against.
+class Study:
+    """Measures settings against a reference.
 
     Attributes:
-        color: (H, W, 3) float64, linear.
-        variance: mean over pixels and channels of its squared standard error; 0 for a file.
-        origin: what it is, in words.
+        kept: the folder with all that was measured.
+        measurements: all of them.
     """
-
-    color: np.ndarray
-    variance: float
-    origin: str
-
-
-class Study:
-    """A folder with the reference, the measurements and their pictures."""
 
     def __init__(self, folder: str | Path, build: Callable[..., Renderer], identity: dict) -> None:
         """Open or begin a study.
@@ -79,14 +50,17 @@ class Study:
         Raises:
             ValueError: the folder holds another study.
         """
-        self.folder, self._build = Path(folder), build
-        (self.folder / "pictures").mkdir(parents=True, exist_ok=True)
-        self._keep_identity(identity)
-        self.measurements = self._read()
+        self.kept, self._build = Folder(folder, identity), build
+        self.measurements = self.kept.measurements()
         self._renderers: dict[tuple, Renderer] = {}
 
+    @property
+    def folder(self) -> Path:
+        """Where it is kept."""
+        return self.kept.path
+
     def reference(self, most: int, budget: float | None, progress: Progress) -> Reference:
-        """The kept reference, or one that is rendered now: path tracing with all bounces that matter.
+        """The kept reference, or one that is rendered now by the study's own options.
 
         Args:
             most: samples a pixel of the best setting; the reference has 16 times as many.
@@ -96,47 +70,42 @@ class Study:
         Raises:
             Interrupted: Ctrl-C was pressed.
         """
-        path, note = self.folder / "reference.exr", self.folder / "reference.json"
-        if not (path.exists() and note.exists()):
-            renderer = self._renderer(())
-            seconds = None if budget is None else _REFERENCE_SHARE * budget / 2
-            halves, samples = [], 0
-            for number, seed in enumerate(_REFERENCE_SEEDS):
-                frame = renderer.render(
-                    samples=_REFERENCE_FACTOR * most // 2,
-                    seconds=seconds,
-                    seed=seed,
-                    progress=lambda done, _, first=number: progress((first + done) / 2, "reference"),
-                )
-                if frame.stats["interrupted"]:
-                    raise Interrupted
-                halves.append(frame.numpy("color")[..., :3].astype(np.float64))
-                samples += frame.stats["samples"]
-            # Two independent halves: the variance of their mean is a quarter of their mean squared difference.
-            variance = float(np.mean((halves[0] - halves[1]) ** 2) / 4)
-            images.write(path, {"color": (halves[0] + halves[1]) / 2})
-            _write_json(note, {"variance": variance, "origin": f"rendered here with {samples:g} samples a pixel"})
-        return self._kept_reference()
+        kept = self.kept.reference()
+        if kept is None:
+            kept = self._render_reference(_REFERENCE_FACTOR * most, budget, progress)
+            self._forget_measurements()
+            self.kept.keep_reference(kept)
+        return kept
 
     def take_reference(self, file: str) -> Reference:
-        """Use a picture as the reference.
+        """Use a picture as the reference. A layer `standardError`, where it has one, tells its noise.
 
         Raises:
-            ValueError: it cannot be read, has another size, or is another than the study began with.
+            ValueError: it cannot be read, has no colour, another size or values that are not finite, or is another
+                than the study began with.
         """
+        if Path(file).suffix.lower() in images.DISPLAY_FORMATS:
+            raise ValueError(f"{file}: 8-bit pictures are no reference; give an EXR of linear colour")
         layers, _ = images.read(file)
-        size = self._renderer(()).resolution
         color = layers.get("color")
         if color is None or color.ndim != 3 or color.shape[2] < 3:
-            raise ValueError(f"{file}: has no colour to compare with")
+            channels = "no layer color" if color is None else f"{1 if color.ndim == 2 else color.shape[2]} channels"
+            raise ValueError(f"{file}: has {channels}; a reference needs R, G and B")
+        size = self._renderer(()).resolution
         if color.shape[1::-1] != size:
             raise ValueError(f"{file}: is {color.shape[1]}x{color.shape[0]} pixels, the study {size[0]}x{size[1]}")
-        path = self.folder / "reference.exr"
-        if self.measurements and path.exists() and (images.read(path)[0]["color"] != color[..., :3]).any():
+        color = color[..., :3]
+        bad = np.argwhere(~np.isfinite(color).all(-1))
+        if len(bad):
+            raise ValueError(f"{file}: is not finite in {len(bad)} pixels, the first (x={bad[0][1]}, y={bad[0][0]})")
+        kept = self.kept.reference()
+        if self.measurements and kept is not None and (kept.color != color).any():
             raise ValueError(f"{self.folder}: its measurements are against another reference than {file}")
-        images.write(path, {"color": color[..., :3]})
-        _write_json(self.folder / "reference.json", {"variance": 0.0, "origin": file})
-        return self._kept_reference()
+        error = layers.get("standardError")
+        known = error is not None and np.isfinite(error).all()
+        reference = Reference(color.astype(np.float64), float(np.mean(error**2)) if known else 0.0, f"the file {file}")
+        self.kept.keep_reference(reference)
+        return reference
 
     def measure(
         self, settings: Sequence[Setting], seeds: Sequence[int], budget: float | None, progress: Progress
@@ -149,7 +118,7 @@ class Study:
         Raises:
             Interrupted: Ctrl-C was pressed.
         """
-        reference = self._kept_reference()
+        reference = self.kept.reference()
         start, total = time.perf_counter(), len(settings) * len(seeds)
         skipped: list[str] = []
         done = {(m.setting, m.seed) for m in self.measurements}
@@ -165,18 +134,47 @@ class Study:
 
     def picture(self, setting: str, seed: int) -> np.ndarray:
         """(H, W, 3) float32 of a measurement."""
-        return np.load(self.folder / "pictures" / f"{setting}, seed {seed}.npy")
+        return self.kept.picture(setting, seed)
+
+    def _render_reference(self, samples: int, budget: float | None, progress: Progress) -> Reference:
+        """Two independent halves: the variance of their mean is a quarter of their mean squared difference."""
+        renderer = self._renderer(())
+        seconds = None if budget is None else REFERENCE_SHARE * budget / 2
+        halves, taken = [], 0.0
+        for number, seed in enumerate(_REFERENCE_SEEDS):
+            frame = renderer.render(
+                samples=-(-samples // 2),
+                seconds=seconds,
+                seed=seed,
+                progress=lambda done, _, first=number: progress((first + done) / 2, "reference"),
+            )
+            _stop_if_interrupted(frame)
+            halves.append(frame.numpy("color")[..., :3].astype(np.float64))
+            taken += frame.stats["samples"]
+        color = ((halves[0] + halves[1]) / 2).astype(np.float32).astype(np.float64)
+        followed = renderer.plan.bounds.get("bounces")
+        bounces = "" if followed is None else f", {followed:g} bounces"
+        origin = f"rendered here: transport {renderer.plan.transport}{bounces}, {taken:.4g} samples a pixel"
+        return Reference(color, float(np.mean((halves[0] - halves[1]) ** 2) / 4), origin)
+
+    def _forget_measurements(self) -> None:
+        """What was measured against a reference that is gone."""
+        self.measurements = []
+        (self.folder / "measurements.jsonl").unlink(missing_ok=True)
 
     def _measure(self, setting: Setting, seed: int, reference: Reference) -> None:
-        frame = self._render(setting, seed)
-        if frame.stats["interrupted"]:
-            raise Interrupted
+        renderer = self._renderer(setting.options)
+        processor = time.process_time()
+        frame = renderer.render(samples=setting.samples, error=setting.error, seed=seed)
+        processor = time.process_time() - processor
+        _stop_if_interrupted(frame)
         color = frame.numpy("color")[..., :3]
         found = differences(color, reference.color)
         measurement = Measurement(
             setting.name,
             seed,
-            frame.stats["seconds"]["sample"] + frame.stats["seconds"].get("denoise", 0.0),
+            sum(frame.stats["seconds"].get(stage, 0.0) for stage in ("outputs", "sample", "denoise")),
+            processor,
             sum(frame.stats["rays"].values()),
             found.rmse,
             found.relative_mse,
@@ -185,14 +183,8 @@ class Study:
             float(frame.stats["error"]),
             float(frame.stats["samples"]),
         )
-        # The picture first: a measurement that is listed has one.
-        np.save(self.folder / "pictures" / f"{setting.name}, seed {seed}.npy", color)
-        with open(self.folder / "measurements.jsonl", "a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(measurement)) + "\n")
+        self.kept.keep(measurement, color)
         self.measurements.append(measurement)
-
-    def _render(self, setting: Setting, seed: int):
-        return self._renderer(setting.options).render(samples=setting.samples, error=setting.error, seed=seed)
 
     def _renderer(self, options: tuple[tuple[str, object], ...]) -> Renderer:
         """Made once for its options, and warm: compiling and the first touch of memory are not measured."""
@@ -202,35 +194,7 @@ class Study:
             self._renderers[options] = renderer
         return self._renderers[options]
 
-    def _kept_reference(self) -> Reference:
-        note = json.loads((self.folder / "reference.json").read_text(encoding="utf-8"))
-        color = images.read(self.folder / "reference.exr")[0]["color"].astype(np.float64)
-        return Reference(color, note["variance"], note["origin"])
 
-    def _keep_identity(self, identity: dict) -> None:
-        path = self.folder / "study.json"
-        identity = json.loads(json.dumps(identity))
-        if path.exists():
-            kept = json.loads(path.read_text(encoding="utf-8"))
-            changed = [name for name in {**identity, **kept} if identity.get(name) != kept.get(name)]
-            if changed:
-                raise ValueError(
-                    f"{self.folder}: holds a study with another {', '.join(changed)}; choose another folder"
-                )
-        _write_json(path, identity)
-
-    def _read(self) -> list[Measurement]:
-        """The measurements that are kept; a line that an interruption cut off is dropped."""
-        path, found, whole = self.folder / "measurements.jsonl", [], ""
-        for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-            try:
-                found.append(Measurement(**json.loads(line)))
-            except (json.JSONDecodeError, TypeError):
-                continue
-            whole += line + "\n"
-        path.write_text(whole, encoding="utf-8")
-        return found
-
-
-def _write_json(path: Path, values: dict) -> None:
-    path.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+def _stop_if_interrupted(frame: Frame) -> None:
+    if frame.stats["interrupted"]:
+        raise Interrupted

@@ -1,4 +1,4 @@
-"""The pictures of a report, as PNG bytes: plots by matplotlib, crops and error maps."""
+"""The plots of a report, by matplotlib, as SVG."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from ..images import display_bytes
-from .analysis import Row, is_biased
+from .analysis import Row
 from .settings import ASKED
 
 MISSING = 'a report needs the package matplotlib: pip install "warprender[study]"'
 
-#: Pixels of a report's pictures to one of a crop.
-_ZOOM = 6
+#: Inches of a panel, and of the plots that take the page's width.
+_PANEL, _WIDE = (4.4, 3.6), (8.6, 4.8)
+#: One for each curve, so that curves are told apart without their colours.
+_MARKERS = "osD^vPX*<>hp"
+_FRONT = {"color": "black", "linestyle": "--", "linewidth": 1.0}
 
 
 def check_available() -> None:
@@ -24,148 +26,114 @@ def check_available() -> None:
         raise ValueError(MISSING)
 
 
-def best_over_time(rows: Sequence[Row]) -> bytes:
-    """RMSE over seconds of every setting, both logarithmic, a colour for each knob; the Pareto front has labels."""
-    figure, axes = _figure("seconds", "RMSE", height=6.0)
-    for knob in dict.fromkeys(row.knob for row in rows):
+def label(row: Row) -> str:
+    """Name of the curve that a row is on: errors that were asked for are one curve, each a point."""
+    return row.knob if row.knob == ASKED else f"{row.knob} {row.value}"
+
+
+def curves(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Rows by curve, by rising numbers of samples."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(label(row), []).append(row)
+    return {name: sorted(curve, key=lambda r: r.samples) for name, curve in found.items()}
+
+
+def front(rows: Sequence[Row]) -> list[Row]:
+    """The Pareto front, the quickest first."""
+    return sorted((row for row in rows if row.best), key=lambda row: row.time)
+
+
+def best_over_time(rows: Sequence[Row], seconds: str) -> bytes:
+    """RMSE over time of every setting, a marker for each knob; the Pareto front is numbered."""
+    figure, axes = _figure(_WIDE, seconds, "RMSE of linear color")
+    for marker, knob in zip(_MARKERS, dict.fromkeys(row.knob for row in rows), strict=False):
         points = [row for row in rows if row.knob == knob]
-        axes.plot([r.seconds for r in points], [r.rmse for r in points], "o", label=knob, markersize=4, alpha=0.6)
-    front = sorted((r for r in rows if r.best), key=lambda r: r.seconds)
-    axes.plot([r.seconds for r in front], [r.rmse for r in front], "k--", label="Pareto front", linewidth=1.5)
-    for row in front:
-        axes.annotate(
-            row.setting, (row.seconds, row.rmse), fontsize=6, rotation=30, xytext=(3, 3), textcoords="offset points"
-        )
-    return _finished(figure, axes)
+        style = {"marker": marker, "linestyle": "none", "markersize": 5, "alpha": 0.7}
+        axes.plot([r.time for r in points], [r.rmse for r in points], label=knob, **style)
+    best = front(rows)
+    axes.plot([r.time for r in best], [r.rmse for r in best], label="Pareto front", **_FRONT)
+    for number, row in enumerate(best, 1):
+        place = {"xytext": (-5, -5), "textcoords": "offset points", "ha": "right", "va": "top"}
+        axes.annotate(str(number), (row.time, row.rmse), fontsize=8, fontweight="bold", **place)
+    figure.legend(loc="outside right upper", fontsize=8)
+    return _svg(figure)
 
 
-def error_over_time(rows: Sequence[Row], usual: str) -> bytes:
-    """The same, a panel for each knob: its curves over all other settings in grey, the front and the usual curve.
-
-    Args:
-        rows: every setting.
-        usual: label of the curve to compare with, as "sampler sobol".
-    """
-    from matplotlib.figure import Figure
-
-    knobs = list(dict.fromkeys(row.knob for row in rows))
-    lines = -(-len(knobs) // 2)
-    figure = Figure(figsize=(9, 3.2 * lines), layout="constrained")
-    panels = figure.subplots(lines, 2, sharex=True, sharey=True, squeeze=False).ravel()
-    front = sorted((r for r in rows if r.best), key=lambda r: r.seconds)
-    compared = _curves(rows).get(usual, [])
-    for axes, knob in zip(panels, knobs, strict=False):
-        axes.plot([r.seconds for r in rows], [r.rmse for r in rows], ".", color="0.85", markersize=3, zorder=0)
-        axes.plot([r.seconds for r in front], [r.rmse for r in front], "k--", linewidth=1, alpha=0.6)
-        if knob != usual.split()[0]:
-            axes.plot([r.seconds for r in compared], [r.rmse for r in compared], "-", color="0.4", label=usual)
-        for label, curve in _curves([r for r in rows if r.knob == knob]).items():
-            style = {"label": label.removeprefix(f"{knob} "), "markersize": 4, "linewidth": 1}
-            axes.plot([r.seconds for r in curve], [r.rmse for r in curve], "o-", **style)
-        axes.set(title=knob, xscale="log", yscale="log")
-        axes.grid(True, which="major", alpha=0.25)
-        axes.legend(fontsize=6, ncols=2)
-    for axes in panels[len(knobs) :]:
-        axes.set_axis_off()
-    figure.supxlabel("seconds")
-    figure.supylabel("RMSE")
-    return _bytes(figure)
+def knob_over_time(rows: Sequence[Row], knob: str, usual: str, seconds: str) -> bytes:
+    """RMSE over time of one knob's curves, over all other settings in grey, the front and the usual curve."""
+    figure, axes = _figure(_PANEL, seconds, "RMSE of linear color")
+    axes.set_title(knob, fontsize=11)
+    axes.plot([r.time for r in rows], [r.rmse for r in rows], ".", color="0.85", markersize=4, zorder=0)
+    best, compared = front(rows), curves(rows).get(usual, [])
+    axes.plot([r.time for r in best], [r.rmse for r in best], label="Pareto front", **_FRONT)
+    own = curves([r for r in rows if r.knob == knob])
+    if usual not in own:
+        axes.plot([r.time for r in compared], [r.rmse for r in compared], "-", color="0.45", lw=2.5, label=usual)
+    for marker, (name, curve) in zip(_MARKERS, own.items(), strict=False):
+        style = {"label": name.removeprefix(f"{knob} "), "marker": marker, "markersize": 4, "linewidth": 1}
+        axes.plot([r.time for r in curve], [r.rmse for r in curve], **style)
+    figure.legend(loc="outside lower center", fontsize=7, ncols=2)
+    return _svg(figure)
 
 
 def error_over_samples(rows: Sequence[Row], slopes: dict[str, tuple[float, float]]) -> bytes:
-    """RMSE over samples of each sampler, with the slope that was fitted."""
-    figure, axes = _figure("samples a pixel", "RMSE")
-    for label, curve in _curves([r for r in rows if r.knob == "sampler"]).items():
+    """RMSE over samples of each sampler, with the slope that was fitted, and the slope of independent samples."""
+    figure, axes = _figure(_PANEL, "samples a pixel", "RMSE of linear color")
+    samplers = curves([r for r in rows if r.knob == "sampler"])
+    for marker, curve in zip(_MARKERS, samplers.values(), strict=False):
         found = slopes.get(curve[0].value)
-        if found:
-            label += f": slope {found[0]:.2f} ± {found[1]:.2f}"
-        axes.plot([r.samples for r in curve], [r.rmse for r in curve], "o-", label=label)
-    return _finished(figure, axes)
+        fitted = f": slope {found[0]:.2f} ± {found[1]:.2f}" if found else ""
+        axes.plot([r.samples for r in curve], [r.rmse for r in curve], marker=marker, label=f"{curve[0].value}{fitted}")
+    counts = sorted({r.samples for curve in samplers.values() for r in curve})
+    first = max((curve[0] for curve in samplers.values()), key=lambda r: r.rmse)
+    line = [1.3 * first.rmse * (n / first.samples) ** -0.5 for n in counts]
+    axes.plot(counts, line, color="0.6", linestyle=":", label="slope −0.5")
+    axes.set_xticks(counts, [f"{n:g}" for n in counts])
+    axes.set_xticks([], minor=True)
+    figure.legend(loc="outside lower center", fontsize=8, ncols=1)
+    return _svg(figure)
 
 
 def bias_beside_deviation(rows: Sequence[Row]) -> bytes:
-    """Bias and standard deviation of each setting; bias that chance explains is pale."""
-    rows = [r for r in rows if r.deviation is not None]
-    figure, axes = _figure("RMS over pixels", "", height=1.0 + 0.22 * len(rows), logarithmic=False)
-    place = np.arange(len(rows))
-    axes.barh(place - 0.2, [r.deviation for r in rows], 0.4, label="standard deviation", color="tab:blue")
-    bars = axes.barh(place + 0.2, [r.bias for r in rows], 0.4, label="bias", color="tab:red")
-    for bar, row in zip(bars, rows, strict=True):
-        bar.set_alpha(1.0 if is_biased(row) else 0.3)
-    axes.set_yticks(place, [r.setting for r in rows], fontsize=7)
-    axes.invert_yaxis()
-    axes.set_xscale("symlog", linthresh=max(min((r.deviation for r in rows if r.deviation > 0), default=1e-3), 1e-6))
-    return _finished(figure, axes)
+    """Bias and standard deviation of each row, from left to right on a logarithmic axis; pale where chance explains it.
 
-
-def shown(color: np.ndarray) -> bytes:
-    """A linear picture (H, W, 3) as usdrecord would write it."""
-    return _png(display_bytes(color))
-
-
-def error_map(color: np.ndarray, reference: np.ndarray) -> bytes:
-    """Difference over (reference + a tenth of its mean), averaged over channels: black 0, white 1 and beyond."""
-    from matplotlib import colormaps
-
-    gap = np.abs(color - reference).mean(-1) / (reference.mean(-1) + 0.1 * max(reference.mean(), 1e-30))
-    return _png((colormaps["magma"](np.clip(gap, 0.0, 1.0))[..., :3] * 255).astype(np.uint8))
-
-
-def worst_corner(color: np.ndarray, reference: np.ndarray, size: int = 32) -> tuple[slice, slice]:
-    """Rows and columns of the square crop in which two pictures differ most."""
-    gap = ((color - reference) ** 2).mean(-1)
-    height, width = gap.shape
-    size = min(size, height, width)
-    sums = np.pad(gap, ((1, 0), (1, 0))).cumsum(0).cumsum(1)
-    inside = sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]
-    y, x = np.unravel_index(inside.argmax(), inside.shape)
-    return slice(y, y + size), slice(x, x + size)
-
-
-def zoomed(color: np.ndarray, crop: tuple[slice, slice]) -> bytes:
-    """A crop, its pixels as squares."""
-    pixels = display_bytes(color[crop])
-    return _png(pixels.repeat(_ZOOM, 0).repeat(_ZOOM, 1))
-
-
-def _curves(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    found: dict[str, list[Row]] = {}
-    for row in rows:
-        # Errors that were asked for are one curve, each a point.
-        label = row.knob if row.knob == ASKED else f"{row.knob} {row.value}"
-        found.setdefault(label, []).append(row)
-    return {label: sorted(curve, key=lambda r: r.samples) for label, curve in found.items()}
-
-
-def _figure(x: str, y: str, height: float = 4.5, logarithmic: bool = True):
+    Args:
+        rows: of two or more pictures.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8, height), layout="constrained")
+    figure = Figure(figsize=(_WIDE[0], 1.2 + 0.3 * len(rows)), layout="constrained")
+    axes, place = figure.subplots(), np.arange(len(rows))
+    axes.plot([r.deviation or np.nan for r in rows], place - 0.12, "o", color="tab:blue", label="standard deviation")
+    for sure, name in ((True, "bias"), (False, "bias that chance explains")):
+        marked = [r.bias if r.bias and r.biased is sure else np.nan for r in rows]
+        fill = "tab:red" if sure else "none"
+        axes.plot(marked, place + 0.12, "D", color="tab:red", markerfacecolor=fill, label=name)
+    axes.set_yticks(place, [r.setting for r in rows], fontsize=8)
+    axes.set(xscale="log", xlabel="RMS over pixels, of linear color", ylim=(len(rows) - 0.5, -0.5))
+    axes.grid(True, which="major", alpha=0.3)
+    figure.legend(loc="outside upper center", fontsize=8, ncols=3)
+    return _svg(figure)
+
+
+def _figure(size: tuple[float, float], x: str, y: str):
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots()
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    axes.grid(True, which="both", alpha=0.25)
-    if logarithmic:
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y)
+    axes.grid(True, which="major", alpha=0.3)
+    axes.grid(True, which="minor", alpha=0.1)
+    axes.tick_params(which="both", labelsize=8)
     return figure, axes
 
 
-def _finished(figure, axes) -> bytes:
-    axes.legend(fontsize=7)
-    return _bytes(figure)
-
-
-def _bytes(figure) -> bytes:
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=110)
-    return file.getvalue()
-
-
-def _png(pixels: np.ndarray) -> bytes:
-    """8-bit pixels as they are."""
-    from matplotlib.image import imsave
+def _svg(figure) -> bytes:
+    from matplotlib import rc_context
 
     file = io.BytesIO()
-    imsave(file, pixels, format="png")
+    # Without a date, so that equal plots are equal files.
+    with rc_context({"svg.hashsalt": "warprender"}):
+        figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()

@@ -87,6 +87,8 @@ def _knobs(
                 yield "light sampling", name, (("light_sampling", name),)
     if any(name.startswith("texture ") for name in plan.reasons):
         yield "texture filter", "off", (("filter_textures", False),)
+    if plan.color_visibility == "rays" and "shape Mesh" in plan.reasons:
+        yield "rays", "fast", (("ray_accuracy", "fast"),)
     for name in ("rays", "raster", "painter"):
         if name != plan.color_visibility and plan.transport != "path":
             yield "visibility", name, (("visibility", name),)

@@ -9,6 +9,7 @@ from pxr import Tf, UsdShade
 
 from ..materials import Dielectric, Material, MeasuredBRDF, Phong, PreviewSurface
 from ..materials.inputs import Varying
+from ..materials.preview_surface import OPACITY_MODES
 from .materialx.inputs import resolve
 from .materialx.surfaces import displacement_input, is_node, is_surface, read_surface
 from .reading import Reading, one_line
@@ -111,6 +112,9 @@ def _inputs(reading: Reading, shader: UsdShade.Shader, kind: type[Material]) -> 
     values = {name: value for name, value in found.items() if value is not None}
     if isinstance(values.get("opacityMode"), Varying):
         reading.remark(shader.GetPrim(), "opacityMode cannot vary; transparent is taken")
+        del values["opacityMode"]
+    if (mode := values.get("opacityMode", OPACITY_MODES[0])) not in OPACITY_MODES:
+        reading.remark(shader.GetPrim(), f"opacityMode is {mode!r}; {OPACITY_MODES[0]!r} is taken")
         del values["opacityMode"]
     for name in ABOVE_ZERO.get(kind, ()):
         if not isinstance(values.get(name), Varying) and values.get(name, 1.0) <= 0:

@@ -8,7 +8,8 @@ import numpy as np
 import warp as wp
 
 from ..launch import launch_pixels
-from .raster import Raster, index_array
+from .raster import Raster
+from .raster_input import index_array
 
 _DTYPES = {1: wp.float32, 2: wp.vec2, 3: wp.vec3, 4: wp.vec4}
 

@@ -13,7 +13,8 @@ from ..camera import camera_ray_function
 from ..launch import launch, launch_pixels
 from ..numerics import linear_of, translation_of
 from ..records import NOT_DRAWN, CameraRecord, DeviceScene, GeometryRecord, Hit, Ray, World
-from .raster import DrawList, Raster, Triangles
+from .raster import DrawList, Raster
+from .raster_kernels import Triangles
 from .rays import miss
 from .sdf import ray_functions
 

@@ -170,7 +170,10 @@ struct World {
     {
         if (g.kind == 1)
             Sphere::offer(ray, g.radius, instance, best);
-#ifdef WR_SCALAR
+#ifdef WR_FAST
+        else if (g.mesh)
+            Plain::offer(g.mesh, instance, ray, best);
+#elif defined(WR_SCALAR)
         else if (g.mesh)
             Binary::trace(wp::mesh_get(g.mesh), instance, ray, any, best);
 #else
@@ -302,7 +305,7 @@ struct World {
         best = Answer::open(ray, t_max, t_after, instance_after, face_after);
         if (!(m > 0.0f))
             return false;
-#ifndef WR_SCALAR
+#if !defined(WR_SCALAR) && !defined(WR_FAST)
         const Few* few = (const Few*)(w.few);
         if (few && few->count >= 0 && !w.listed) {
             Lane::shear(ray, m);

@@ -52,7 +52,8 @@ def scene_functions(prefix: str = ""):
     """The native closest-hit and any-hit queries over a ``World``.
 
     Args:
-        prefix: C++ text before the header. ``#define WR_SCALAR`` takes the CUDA form on the CPU, for tests.
+        prefix: C++ text before the header. ``#define WR_SCALAR`` takes the CUDA form on the CPU, for tests;
+            ``#define WR_FAST`` asks Warp's own query for each mesh, which leaks.
     """
 
     @wp.func_native(

@@ -207,7 +207,7 @@ def _place_instances(
     placed.lowers[i] = lower
     placed.uppers[i] = upper
     placed.drawn[i] = wp.int32(drawn)
-    placed.reach[i] = wp.where(wp.isfinite(wp.float32(reach)), wp.float32(reach), 0.0)
+    placed.reach[i] = finite_reach(reach)
 
 
 @wp.func

@@ -1,8 +1,8 @@
 // Rasterization with exact coverage: homogeneous edge functions, a depth buffer, bins and tiles.
 //
-// raster.py pastes this text into the body of the functions that need it, so it holds only what C++ allows inside a
-// function: types, and structs with static members. Warp defines float(x) and int(x) as macros, so casts are written
-// (float)(x). Compile it with fuse_fp=False: a contracted a * b + c would break the error-free sums.
+// raster_kernels.py pastes this text into the body of the functions that need it, so it holds only what C++ allows
+// inside a function: types, and structs with static members. Warp defines float(x) and int(x) as macros, so casts are
+// written (float)(x). Compile it with fuse_fp=False: a contracted a * b + c would break the error-free sums.
 //
 //   Expansion            sums and products of doubles without any rounding (Shewchuk 1997)
 //   Triangle             its exact predicates: orientation, edges, clipping planes; depth and barycentrics
@@ -21,7 +21,7 @@
 
 #define RASTER_FN static inline CUDA_CALLABLE
 
-typedef decltype(task) Task;  // RasterTask of raster.py, the argument of every function that holds this text
+typedef decltype(task) Task;  // RasterTask of raster_kernels.py, the argument of every function that holds this text
 
 // ---------------------------------------------------------------- exact sums
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +20,8 @@ import numpy as np
 import warp as wp
 
 from ..launch import launch, thread_count
+from .raster_input import device_of, index_array, position_array
+from .raster_kernels import RasterTask, Triangles, bin_kernel, fill_kernel, keyed_kernels, painter_kernels
 
 #: Pixels along a side of the picture, at most: the error bounds of raster.h count on it.
 LARGEST_SIDE = 16384
@@ -31,8 +32,6 @@ _SMALLEST_SHIFT = 6
 _BAND_ROWS = 16
 
 _CULL = {"none": 0, "back": -1, "front": 1}
-_OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": "-march=native"}
-_HEADER = (Path(__file__).parent / "raster.h").read_text()
 
 
 class Raster(NamedTuple):
@@ -49,127 +48,6 @@ class Raster(NamedTuple):
     u: wp.array
     v: wp.array
     depth: wp.array
-
-
-@wp.struct
-class Triangles:
-    """Indices (3 F,) of clip positions, or of points that `RasterTask.matrices` takes to clip space."""
-
-    clip: wp.array(dtype=wp.vec4)
-    points: wp.array(dtype=wp.vec3)
-    indices: wp.array(dtype=wp.int32)
-
-
-@wp.struct
-class RasterTask:
-    """One picture of a `DrawList`: draw d shows `meshes[mesh[d]]`, moved by `matrices[d]` where it has points.
-
-    `chunks` (C, 3) has the draw of its first face, that face's number in the picture, and how many faces follow. A
-    chunk has `_ROOM` integers of `entries`: face numbers sorted by bin, of which bin b has those from `starts[b]` on,
-    of (C, bins + 1); then its `large_counts` triangles that lie over many bins. `faults` is a face with an index out
-    of range, or -1. `taken` counts the chunks and the bins that threads have taken. `keys` has the nearest fragments
-    of a bin for each thread.
-
-    On CUDA `keys` has the nearest fragments of the picture, `entries` the large triangles, `taken` of them. `order` is
-    the painter's.
-    """
-
-    meshes: wp.array(dtype=Triangles)
-    mesh: wp.array(dtype=wp.int32)
-    matrices: wp.array(dtype=wp.mat44d)
-    first_face: wp.array(dtype=wp.int32)
-    chunks: wp.array2d(dtype=wp.int32)
-    width: wp.int32
-    height: wp.int32
-    cull: wp.int32
-    shift: wp.int32
-    entries: wp.array(dtype=wp.int32)
-    starts: wp.array(dtype=wp.int32)
-    large_counts: wp.array(dtype=wp.int32)
-    faults: wp.array(dtype=wp.int32)
-    taken: wp.array(dtype=wp.int32)
-    keys: wp.array(dtype=wp.uint64)
-    order: wp.array(dtype=wp.int32)
-    face: wp.array2d(dtype=wp.int32)
-    u: wp.array2d(dtype=wp.float32)
-    v: wp.array2d(dtype=wp.float32)
-    depth: wp.array2d(dtype=wp.float32)
-
-
-@cache
-def _bin_kernel() -> wp.Kernel:
-    @wp.func_native(_HEADER + "Binner::run_all(task);")
-    def bin_chunks(task: RasterTask): ...
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
-    def bin_triangles(first: wp.int32, task: RasterTask):
-        bin_chunks(task)
-
-    return bin_triangles
-
-
-@cache
-def _fill_kernel() -> wp.Kernel:
-    @wp.func_native(_HEADER + "Tile::run_all(task, worker);")
-    def fill_bins(task: RasterTask, worker: wp.int32): ...
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
-    def draw_bins(first: wp.int32, task: RasterTask):
-        fill_bins(task, first + wp.tid())
-
-    return draw_bins
-
-
-@cache
-def _keyed_kernels() -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
-    """One thread a triangle, then one a pixel for the large ones, then one a pixel for what users see."""
-
-    @wp.func_native(_HEADER + "Keyed::draw(task, face);")
-    def draw_face(task: RasterTask, face: wp.int32): ...
-
-    @wp.func_native(_HEADER + "Keyed::draw_large(task, x, y);")
-    def draw_large_faces(task: RasterTask, x: wp.int32, y: wp.int32): ...
-
-    @wp.func_native(_HEADER + "Keyed::finish(task, x, y);")
-    def finish_pixel(task: RasterTask, x: wp.int32, y: wp.int32): ...
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
-    def draw_faces(first: wp.int32, task: RasterTask):
-        draw_face(task, first + wp.tid())
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
-    def draw_large(first: wp.int32, task: RasterTask):
-        pixel = first + wp.tid()
-        draw_large_faces(task, pixel % task.width, pixel // task.width)
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
-    def finish_pixels(first: wp.int32, task: RasterTask):
-        pixel = first + wp.tid()
-        finish_pixel(task, pixel % task.width, pixel // task.width)
-
-    return draw_faces, draw_large, finish_pixels
-
-
-@cache
-def _painter_kernels() -> tuple[wp.Kernel, wp.Kernel]:
-    """By what triangles are sorted; and the painting, a band of rows an item."""
-
-    @wp.func_native(_HEADER + "return Painter::depth(task, face);")
-    def sort_depth(task: RasterTask, face: wp.int32) -> wp.float32: ...
-
-    @wp.func_native(_HEADER + "Painter::band(task, number);")
-    def paint_band(task: RasterTask, number: wp.int32): ...
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
-    def measure(first: wp.int32, task: RasterTask, depth: wp.array(dtype=wp.float32)):
-        face = first + wp.tid()
-        depth[face] = sort_depth(task, face)
-
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
-    def paint_bands(first: wp.int32, task: RasterTask):
-        paint_band(task, first + wp.tid())
-
-    return measure, paint_bands
 
 
 def rasterize(
@@ -201,9 +79,9 @@ def rasterize(
         ValueError: a size, shape or index out of range.
         MemoryError: the picture does not fit the device's memory.
     """
-    device = _device_of(clip_positions, indices, device)
+    device = device_of(clip_positions, indices, device)
     triangles = Triangles()
-    triangles.clip = _positions(clip_positions, device)
+    triangles.clip = position_array(clip_positions, device)
     triangles.indices = index_array(indices, device)
     return DrawList([triangles], [0], device).rasterize(width, height, threads, cull)
 
@@ -264,14 +142,14 @@ class DrawList:
         seen, task = self._begin(width, height, "none", into), self._task
         self._prepare_keys()
         sort_depth = wp.empty(self._face_count, wp.float32, device=self.device)
-        measure, paint_bands = _painter_kernels()
+        measure, paint_bands = painter_kernels()
         launch(measure, self._face_count, [task, sort_depth], self.device, threads)
         self._check_faults(task.faults.numpy())
         farthest_first = np.lexsort((-np.arange(self._face_count), -sort_depth.numpy()))
         task.order = wp.array(farthest_first, dtype=wp.int32, device=self.device)
         bands = -(-task.height // _BAND_ROWS)
         launch(paint_bands, bands, [task], self.device, threads, smallest_chunk=1)
-        launch(_keyed_kernels()[2], task.width * task.height, [task], self.device, threads)
+        launch(keyed_kernels()[2], task.width * task.height, [task], self.device, threads)
         return seen
 
     def _begin(self, width: int, height: int, cull: str, into: Raster | None) -> Raster:
@@ -301,16 +179,16 @@ class DrawList:
             task.entries, task.starts, task.large_counts, task.faults, task.keys = scratch
             task.taken = wp.zeros(2, wp.int32, device="cpu")
             # An item is a thread at work: it takes chunks, then bins, until none is left.
-            launch(_bin_kernel(), min(threads, chunks), [task], "cpu", threads, smallest_chunk=1)
+            launch(bin_kernel(), min(threads, chunks), [task], "cpu", threads, smallest_chunk=1)
             self._check_faults(task.faults.numpy()[:chunks])
-            launch(_fill_kernel(), workers, [task], "cpu", threads, smallest_chunk=1)
+            launch(fill_kernel(), workers, [task], "cpu", threads, smallest_chunk=1)
 
     def _draw_by_keys(self) -> None:
         task, pixels = self._task, self._task.width * self._task.height
         self._prepare_keys()
         task.entries = wp.empty(3 * self._face_count, wp.int32, device=self.device)
         task.taken = wp.zeros(1, wp.int32, device=self.device)
-        for kernel, count in zip(_keyed_kernels(), (self._face_count, pixels, pixels), strict=True):
+        for kernel, count in zip(keyed_kernels(), (self._face_count, pixels, pixels), strict=True):
             launch(kernel, count, [task], self.device, threads=1)
         self._check_faults(task.faults.numpy())
 
@@ -383,40 +261,3 @@ def _chunks(first_face: np.ndarray, faces: int) -> np.ndarray:
     first = np.arange(0, faces, _CHUNK)
     draw = np.searchsorted(first_face, first, "right") - 1
     return np.stack([draw, first, np.minimum(faces - first, _CHUNK)], 1).astype(np.int32).reshape(-1, 3)
-
-
-def _device_of(positions: np.ndarray | wp.array, indices: np.ndarray | wp.array, device: object) -> wp.Device:
-    if device is None:
-        device = next((a.device for a in (positions, indices) if isinstance(a, wp.array)), "cpu")
-    return wp.get_device(device)
-
-
-def _positions(positions: np.ndarray | wp.array, device: wp.Device) -> wp.array:
-    if not isinstance(positions, wp.array):
-        positions = np.asarray(positions)
-        if positions.ndim != 2 or positions.shape[1] != 4:
-            raise ValueError(f"clip positions must have shape (N, 4), not {positions.shape}")
-        return wp.array(np.ascontiguousarray(positions, np.float32), dtype=wp.vec4, device=device)
-    if positions.dtype == wp.float32 and positions.ndim == 2 and positions.shape[1] == 4:
-        positions = positions.contiguous().view(wp.vec4).flatten() if positions.size else wp.empty(0, wp.vec4)
-    if positions.dtype != wp.vec4 or positions.ndim != 1:
-        raise ValueError(f"clip positions must be (N,) vec4 or (N, 4) float32, not {positions.shape} {positions.dtype}")
-    return positions.contiguous().to(device)
-
-
-def index_array(indices: np.ndarray | wp.array, device: wp.Device) -> wp.array:
-    """(3 F,) int32 on the device; ValueError for another shape or type."""
-    shape = tuple(indices.shape if isinstance(indices, wp.array) else np.shape(indices))
-    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[1] != 3) or int(np.prod(shape)) % 3:
-        raise ValueError(f"indices must have shape (F, 3) or (3 F,), not {shape}")
-    if isinstance(indices, wp.array) and indices.dtype == wp.int32:
-        return indices.contiguous().flatten().to(device)
-    host = np.reshape(indices.numpy() if isinstance(indices, wp.array) else indices, -1)
-    if not host.size:
-        return wp.empty(0, wp.int32, device=device)
-    if host.dtype.kind not in "iu":
-        raise ValueError(f"indices must be integers, not {host.dtype}")
-    if host.dtype != np.int32:
-        # What int32 cannot hold is out of range as it is; -1 says so to the kernel.
-        host = np.where((host < 0) | (host > 2**31 - 1), -1, host).astype(np.int32)
-    return wp.array(host, dtype=wp.int32, device=device)

@@ -6,6 +6,7 @@ inside kernels, over a ``World`` of instances (see ``world_tree.WorldTree``).
 
 import warnings
 from collections import namedtuple
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -20,8 +21,6 @@ from .world_tree import WorldTree
 
 Hits = namedtuple("Hits", ("t", "face", "u", "v"))
 
-_scene_closest, _scene_occluded = native.scene_functions()
-
 
 @wp.func
 def miss() -> Hit:
@@ -33,59 +32,74 @@ def miss() -> Hit:
     return hit
 
 
-@wp.func
-def scene_closest_after(world: World, ray: Ray, after: Hit) -> Hit:
-    """The first hit strictly after another in the order of (t, instance, face), for cut-outs."""
-    bits = _scene_closest(world, ray.origin, ray.direction, ray.t_max, after.t, after.instance, after.face)
-    hit = Hit()
-    hit.t = wp.cast(bits[0], wp.float32)
-    hit.instance = bits[1]
-    hit.face = bits[2]
-    hit.u = wp.cast(bits[3], wp.float32)
-    hit.v = wp.cast(bits[4], wp.float32)
-    return hit
+@cache
+def world_functions(accuracy: str = "watertight") -> tuple[wp.Function, wp.Function, wp.Function]:
+    """`closest(world, ray)`, `closest_after(world, ray, after)` and `occluded(world, ray)`; see `scene_closest`.
 
-
-@wp.func
-def scene_closest(world: World, ray: Ray) -> Hit:
-    """The hit with the smallest (t, instance, face), ``0 <= t < ray.t_max``; watertight."""
-    start = Hit()
-    start.t = -1.0
-    start.instance = -1
-    start.face = -1
-    return scene_closest_after(world, ray, start)
-
-
-@wp.func
-def scene_occluded(world: World, ray: Ray) -> bool:
-    """Whether anything is hit at ``0 <= t < ray.t_max``; watertight."""
-    return _scene_occluded(world, ray.origin, ray.direction, ray.t_max)
-
-
-@wp.func
-def closest(scene: DeviceScene, ray: Ray) -> Hit:
-    """What the ray meets first; see `scene_closest`."""
-    return scene_closest(scene.world, ray)
-
-
-@wp.func
-def closest_after(scene: DeviceScene, ray: Ray, hit: Hit) -> Hit:
-    """What the ray meets next behind `hit`; see `scene_closest_after`.
-
-    A ray through an edge hits the triangles on both sides of it, at distances that rounding sets apart: hits of one
-    instance that are nearer to each other than that are one crossing.
+    Args:
+        accuracy: "watertight", or "fast": `wp.mesh_query_ray` for each mesh, which leaks. Its rays that go on behind
+            a hit begin a little beyond it.
     """
-    crossing = (max_component(wp.abs(ray.origin)) + hit.t * wp.length(ray.direction)) * GAMMA_7
-    following = scene_closest_after(scene.world, ray, hit)
-    while following.instance == hit.instance and (following.t - hit.t) * wp.length(ray.direction) <= crossing:
-        following = scene_closest_after(scene.world, ray, following)
-    return following
+    native_closest, native_occluded = native.scene_functions("#define WR_FAST\n" if accuracy == "fast" else "")
+
+    @wp.func
+    def closest_after(world: World, ray: Ray, after: Hit) -> Hit:
+        bits = native_closest(world, ray.origin, ray.direction, ray.t_max, after.t, after.instance, after.face)
+        hit = Hit()
+        hit.t = wp.cast(bits[0], wp.float32)
+        hit.instance = bits[1]
+        hit.face = bits[2]
+        hit.u = wp.cast(bits[3], wp.float32)
+        hit.v = wp.cast(bits[4], wp.float32)
+        return hit
+
+    @wp.func
+    def closest(world: World, ray: Ray) -> Hit:
+        start = Hit()
+        start.t = -1.0
+        start.instance = -1
+        start.face = -1
+        return closest_after(world, ray, start)
+
+    @wp.func
+    def occluded(world: World, ray: Ray) -> bool:
+        return native_occluded(world, ray.origin, ray.direction, ray.t_max)
+
+    return closest, closest_after, occluded
 
 
-@wp.func
-def occluded(scene: DeviceScene, ray: Ray) -> bool:
-    """Whether the ray meets anything; see `scene_occluded`."""
-    return scene_occluded(scene.world, ray)
+#: For kernels. `scene_closest(world, ray)`: the hit with the smallest (t, instance, face), `0 <= t < ray.t_max`.
+#: `scene_closest_after(world, ray, after)`: the first one strictly behind another in that order, for cut-outs.
+#: `scene_occluded(world, ray)`: whether anything is hit. All watertight.
+scene_closest, scene_closest_after, scene_occluded = world_functions()
+
+
+@cache
+def device_functions(accuracy: str = "watertight") -> tuple[wp.Function, wp.Function, wp.Function]:
+    """`closest(scene, ray)`, `closest_after(scene, ray, hit)` and `occluded(scene, ray)` of a `DeviceScene`.
+
+    A ray through an edge hits the triangles on both sides of it, at distances that rounding sets apart: for
+    `closest_after`, hits of one instance that are nearer to each other than that are one crossing.
+    """
+    world_closest, world_closest_after, world_occluded = world_functions(accuracy)
+
+    @wp.func
+    def closest(scene: DeviceScene, ray: Ray) -> Hit:
+        return world_closest(scene.world, ray)
+
+    @wp.func
+    def closest_after(scene: DeviceScene, ray: Ray, hit: Hit) -> Hit:
+        crossing = (max_component(wp.abs(ray.origin)) + hit.t * wp.length(ray.direction)) * GAMMA_7
+        following = world_closest_after(scene.world, ray, hit)
+        while following.instance == hit.instance and (following.t - hit.t) * wp.length(ray.direction) <= crossing:
+            following = world_closest_after(scene.world, ray, following)
+        return following
+
+    @wp.func
+    def occluded(scene: DeviceScene, ray: Ray) -> bool:
+        return world_occluded(scene.world, ray)
+
+    return closest, closest_after, occluded
 
 
 class RayCaster:

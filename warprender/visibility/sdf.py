@@ -13,8 +13,7 @@ import warp as wp
 from ..numerics import INFINITY, linear_of, max_component, translation_of
 from ..records import DeviceScene, Hit, Ray, SdfRecord, World
 from ..shapes.sdf import distance_function
-from . import rays
-from .rays import miss
+from .rays import device_functions, miss
 
 #: Steps of one ray through one function, at most; what lies behind is not seen.
 MOST_STEPS = wp.constant(wp.int32(4096))
@@ -100,14 +99,18 @@ def march_function(sdfs: tuple[wp.Function, ...]) -> wp.Function:
 
 
 @cache
-def ray_functions(sdfs: tuple[wp.Function, ...] = ()) -> tuple[wp.Function, wp.Function, wp.Function]:
+def ray_functions(
+    sdfs: tuple[wp.Function, ...] = (), accuracy: str = "watertight"
+) -> tuple[wp.Function, wp.Function, wp.Function]:
     """`closest(scene, ray)`, `closest_after(scene, ray, hit)` and `occluded(scene, ray)`.
 
     Args:
         sdfs: the signed distance functions that occur; without any these are the functions of `rays`.
+        accuracy: of rays against triangles, "watertight" or "fast"; see `rays.world_functions`.
     """
+    tree_closest, tree_closest_after, tree_occluded = device_functions(accuracy)
     if not sdfs:
-        return rays.closest, rays.closest_after, rays.occluded
+        return tree_closest, tree_closest_after, tree_occluded
     march = march_function(sdfs)
 
     @wp.func
@@ -140,15 +143,15 @@ def ray_functions(sdfs: tuple[wp.Function, ...] = ()) -> tuple[wp.Function, wp.F
     def closest(scene: DeviceScene, ray: Ray) -> Hit:
         start = miss()
         start.t = -1.0
-        return nearer(scene, ray, start, rays.closest(scene, ray))
+        return nearer(scene, ray, start, tree_closest(scene, ray))
 
     @wp.func
     def closest_after(scene: DeviceScene, ray: Ray, hit: Hit) -> Hit:
-        return nearer(scene, ray, hit, rays.closest_after(scene, ray, hit))
+        return nearer(scene, ray, hit, tree_closest_after(scene, ray, hit))
 
     @wp.func
     def occluded(scene: DeviceScene, ray: Ray) -> bool:
-        if rays.occluded(scene, ray):
+        if tree_occluded(scene, ray):
             return True
         start = miss()
         start.t = -1.0

@@ -4,7 +4,8 @@
 // leaf test, whatever the shape of the tree and the order of the walk. Boxes are never culled on a tie, nor within
 // the rounding error of t.
 //
-// WR_SCALAR chooses the scalar form, on CUDA always and on the CPU for tests.
+// WR_SCALAR chooses the scalar form, on CUDA always and on the CPU for tests. With WR_FAST, Warp's own query answers
+// for each mesh, and the rule does not hold.
 //
 // native.py pastes this text into the body of the functions that need it, so it holds only what C++ allows inside
 // a function: types, and structs with static members. Warp defines float(x) and int(x) as macros, so casts are
@@ -12,6 +13,7 @@
 //
 //   Bound, Lane, Answer        numbers; a ray made ready; what it has found so far
 //   Triangle, Sphere           leaves
+//   Plain                      Warp's own query, to compare with
 //   Binary                     scalar walk over Warp's binary tree (CUDA, and any CPU)
 //   Wide                       the same walk over eight boxes and four triangles at once
 //   Stream, Group              many rays: eight walks in turn; sixteen coherent rays as one
@@ -289,6 +291,24 @@ struct Sphere {
             return false;
         best.take(t, t * Bound::gamma(1), instance, 0, 0.0f, 0.0f);
         return true;
+    }
+};
+
+// ---------------------------------------------------------------- Warp's own query
+
+struct Plain {
+    // wp.mesh_query_ray as it comes: not watertight. It has no lower end, so a ray that goes on starts behind its hit.
+    WR_FN void offer(wp::uint64 mesh, int instance, const Lane& ray, Answer& best)
+    {
+        float begin = best.t_after < 0.0f ? 0.0f : best.t_after * (1.0f + 0x1p-20f), t, u, v, sign;
+        wp::vec3 d(ray.d[0], ray.d[1], ray.d[2]), normal;
+        wp::vec3 o(ray.o[0] + begin * d[0], ray.o[1] + begin * d[1], ray.o[2] + begin * d[2]);
+        int face;
+        if (!wp::mesh_query_ray(mesh, o, d, best.t - begin, t, u, v, sign, normal, face))
+            return;
+        // Its u and v weigh vertices 0 and 1.
+        if (best.wants(begin + t, instance, face))
+            best.take(begin + t, 0.0f, instance, face, v, 1.0f - u - v);
     }
 };
 

@@ -87,17 +87,18 @@ class MeshTree:
         indices: wp.array (3F,) of wp.int32, in range.
         wide: Make wide nodes, for the watertight walk on the CPU; otherwise keep the wp.Mesh.
         threads: CPU threads, default all.
+        keep_mesh: Keep the wp.Mesh beside wide nodes.
 
     Attributes:
         mesh: The wp.Mesh over ``scale * points``, or None.
         scale: A power of two: the tree holds ``scale * points``. 1 unless coordinates leave 1e-9 … 1e9.
     """
 
-    def __init__(self, points, indices, wide=None, threads=None):
+    def __init__(self, points, indices, wide=None, threads=None, keep_mesh=False):
         self.points, self.indices, self.threads = points, indices, threads
         self.device = points.device
         self.wide = self.device.is_cpu if wide is None else wide
-        self._own = False
+        self._own, self._keep_mesh = False, keep_mesh
         self.build()
 
     def build(self):
@@ -117,13 +118,14 @@ class MeshTree:
         self.mesh = wp.Mesh(self._tree_points, self._tree_indices)
         if self.wide:
             self._wide = WideTree(0, self.mesh.id, len(self.indices) // 3)
-            self.mesh = self._tree_points = self._tree_indices = self._bad = None
+            if not self._keep_mesh:
+                self.mesh = self._tree_points = self._tree_indices = self._bad = None
             self._fill()
             self._wide.is_built()
 
     def refit(self):
         """Follow moved points; build again when that pays or the scale calls for it."""
-        if self._wide is None and self.mesh is None:
+        if self._keep_mesh or (self._wide is None and self.mesh is None):
             self.build()
         elif self.wide:
             self._fill()
