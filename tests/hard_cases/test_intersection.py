@@ -714,7 +714,11 @@ def test_few_triangles_are_swept_with_the_hits_of_the_tree():
     tree = WorldTree([mesh_tree(points, faces)], [0] * 5, place, "cpu")
     for _ in range(2):
         assert swept_blocks(tree) == 24 // 8 + 24 // 8 + 2
-        rays = [aimed_rays(points + p[:3, 3], faces, RAYS // 20, at, rng) for p in place for at in ("edges", "vertices", "random")]
+        rays = [
+            aimed_rays(points + p[:3, 3], faces, RAYS // 20, at, rng)
+            for p in place
+            for at in ("edges", "vertices", "random")
+        ]
         rays.append((points[rng.integers(len(points), size=500)], rng.normal(size=(500, 3))))
         o, d = (np.concatenate(part).astype(np.float32) for part in zip(*rays, strict=True))
         for t_max in (np.inf, 3.0, 1.0):

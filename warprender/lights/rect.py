@@ -167,12 +167,20 @@ def is_far(light: LightRecord, q: wp.vec3) -> bool:
 
 
 @wp.func
-def density(light: LightRecord, solid_angle: float, direction: wp.vec3, distance: float) -> float:
-    """Pdf per solid angle of light space, the same rule for sampling and for meeting; solid angle 0 from far."""
-    if solid_angle >= _SMALLEST_SOLID_ANGLE:
-        return 1.0 / solid_angle
-    area = 4.0 * light.size[0] * light.size[1]
-    return distance * distance / (area * wp.max(direction[2], 1.0e-20))
+def by_area(light: LightRecord, way: wp.vec3, height: float) -> LightSample:
+    """Sample of the place at a world vector from a point, which is at this height over the light's plane in its space.
+
+    1 / area per area of light space is distance² / (area cosine) per solid angle; both scale into the world.
+    """
+    result = no_light()
+    distance = wp.length(way)
+    if distance > 0.0:
+        area = 4.0 * light.size[0] * light.size[1]
+        result.direction = way / distance
+        result.distance = distance
+        result.radiance = light.radiance
+        result.pdf = (distance / area) * (distance / height) * (distance / light.determinant)
+    return result
 
 
 @wp.func
@@ -181,16 +189,14 @@ def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> Li
     q = point_to_light(light, p)
     if q[2] >= 0.0:
         return no_light()
-    place = wp.vec3((2.0 * u[0] - 1.0) * light.size[0] - q[0], (2.0 * u[1] - 1.0) * light.size[1] - q[1], -q[2])
-    solid_angle = wp.float32(0.0)
     if not is_far(light, q):
         r = spherical_rect(light, q)
-        solid_angle = r.solid_angle
-        if solid_angle >= _SMALLEST_SOLID_ANGLE:
+        if r.solid_angle >= _SMALLEST_SOLID_ANGLE:
             place = point_in_solid_angle(r, u)
-    distance = wp.length(place)
-    direction = place / distance
-    return local_sample(light, direction, distance, density(light, solid_angle, direction, distance))
+            distance = wp.length(place)
+            return local_sample(light, place / distance, distance, 1.0 / r.solid_angle)
+    place = wp.vec3((2.0 * u[0] - 1.0) * light.size[0] - q[0], (2.0 * u[1] - 1.0) * light.size[1] - q[1], -q[2])
+    return by_area(light, light.linear * place, -q[2])
 
 
 @wp.func
@@ -203,12 +209,12 @@ def meet(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.
     t = -q[2] / way[2]
     if wp.abs(q[0] + t * way[0]) > light.size[0] or wp.abs(q[1] + t * way[1]) > light.size[1]:
         return no_light()
-    length = wp.length(way)
-    local = way / length
-    solid_angle = wp.float32(0.0)
     if not is_far(light, q):
         solid_angle = spherical_rect(light, q).solid_angle
-    return local_sample(light, local, t * length, density(light, solid_angle, local, t * length))
+        if solid_angle >= _SMALLEST_SOLID_ANGLE:
+            length = wp.length(way)
+            return local_sample(light, way / length, t * length, 1.0 / solid_angle)
+    return by_area(light, direction * t, -q[2])
 
 
 @wp.func

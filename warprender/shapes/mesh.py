@@ -8,7 +8,7 @@ import mapbox_earcut
 import numpy as np
 import warp as wp
 
-from ..numerics import max_component, triangle_point
+from ..numerics import HUGE_SQUARED, TINY_SQUARED, max_component, triangle_point
 from ..records import DeviceScene, Hit
 from ..watched import Watched
 from .local_surface import LocalSurface
@@ -229,9 +229,13 @@ def mesh_surface(scene: DeviceScene, geometry: int, hit: Hit) -> LocalSurface:
 
 @wp.func
 def triangle_normal(p0: wp.vec3, p1: wp.vec3, p2: wp.vec3) -> wp.vec3:
-    """Direction of (p1 - p0) × (p2 - p0), computed at a scale where small triangles do not underflow."""
+    """Direction of (p1 - p0) × (p2 - p0), computed at a scale where small and large triangles keep their digits."""
     a = p1 - p0
     b = p2 - p0
+    n = wp.cross(a, b)
+    squared = wp.dot(n, n)
+    if squared > TINY_SQUARED and squared < HUGE_SQUARED:
+        return n
     largest = wp.max(max_component(wp.abs(a)), max_component(wp.abs(b)))
     if largest == 0.0:
         return wp.vec3(0.0, 0.0, 0.0)

@@ -9,8 +9,8 @@ import warp as wp
 
 from ..numerics import mat34d
 from ..records import Geometry, Instance, World
-from .placing import Attachments, Placed, Rest, Shapes, launch_placing
 from . import native
+from .placing import Attachments, Placed, Rest, Shapes, launch_placing
 from .trees import Memory, MeshTree, SdfShape, SphereShape, WideTree
 
 
