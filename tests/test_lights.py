@@ -175,8 +175,8 @@ def test_the_back_of_a_flat_light_is_dark(kind, place):
 @pytest.mark.parametrize("place", ["plain", "sheared"])
 @pytest.mark.parametrize("distance", [0.02, 0.3, 1.2, 2.0, 6.0])
 def test_directions_to_a_rectangle_are_distributed_as_their_pdf(distance, place):
-    # Bins are 8 × 8 parts of the rectangle. Near it samples are uniform in the solid angle of light space, from two half
-    # diagonals on in its area.
+    # Bins are 8 × 8 parts of the rectangle. Near it samples are uniform in the solid angle of light space, from two
+    # half diagonals on in its area.
     light = wr.RectLight(width=1.2, height=0.8)
     light.transform = np.eye(4)
     light.transform[:3, :3] = PLACES[place]

@@ -23,7 +23,8 @@ from ..visibility.first_hits import draw_of, rastered
 from ..visibility.rays import miss
 from ..visibility.sdf import ray_functions
 from .direct import reflected_function
-from .lighting import Departure, glow_function
+from .lighting import Departure
+from .meeting import glow_function
 from .none import MOST_CLEAR_SURFACES
 from .samples import FOOTPRINT, PathRequest, PathResult
 

@@ -14,8 +14,8 @@ from .light import Light, flat_to_world, forwards, local_sample, no_light, point
 
 #: Below this solid angle the closed form has lost its digits in float32; the rectangle is sampled by area.
 _SMALLEST_SOLID_ANGLE = wp.constant(wp.float32(0.02))
-#: From this many half diagonals away on it is sampled by area too, which is seven times as fast. What arrives differs
-#: little from place to place on it: less than what is in the way, or the next surface, does.
+#: From this many half diagonals away on it is sampled by area too: in the Cornell box 18 % less time a sample, for 5 %
+#: more variance.
 _FAR = wp.constant(wp.float32(2.0))
 
 
