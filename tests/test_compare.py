@@ -184,3 +184,31 @@ def test_without_flip_the_rest_is_measured(tmp_path, capsys, monkeypatch):
     assert main(["compare", a, b, "--flip", "0.5"]) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "flip-evaluator" in error
+
+
+def test_files_that_were_cut_off_are_one_line(tmp_path, capfd):
+    whole = saved(tmp_path, "whole.exr", RNG.random((8, 8, 4)))
+    for name in ("a.exr", "a.png"):
+        path = tmp_path / name
+        content = (tmp_path / saved(tmp_path, name, RNG.random((40, 40, 3)))).read_bytes()
+        for share in (0.0, 0.1, 0.6):
+            path.write_bytes(content[: int(share * len(content))])
+            assert main(["compare", str(path), whole]) == 1
+            # Libraries write to the file descriptor itself.
+            error = capfd.readouterr().err
+            assert error.count("\n") == 1 and str(path) in error and len(error) < 400 + len(str(path)), error
+
+
+def test_what_is_not_compared_or_no_number_is_said(tmp_path, capsys):
+    values = RNG.random((3, 4, 4))
+    a = saved(tmp_path, "a.exr", values)
+    b = saved(tmp_path, "b.exr", values[..., :3])
+    assert main(["compare", a, b]) == 0
+    assert f"alpha, which {a} alone has, is not compared" in capsys.readouterr().out
+    values[1, 2, 0] = np.nan
+    values[2, 2, 1] = np.inf
+    c = saved(tmp_path, "c.exr", values)
+    assert main(["compare", c, a]) == 1
+    assert "not finite    2 pixels of A, 0 of B" in capsys.readouterr().out
+    single = saved(tmp_path, "one.exr", np.full((1, 1, 3), 0.5))
+    assert main(["compare", single, single]) == 0

@@ -13,14 +13,14 @@ LEVELS = (
     {"records", "images", "denoise", "shutter", "picture_settings", "stopping"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
-    {"scene", "placement", "scene_arguments", "material_tables"},
+    {"scene", "placement", "scene_arguments", "scene_shapes", "material_tables"},
     {"emitters", "plan", "framing"},
     {"visibility", "film"},
     {"adaptive", "integrators", "upload", "upload_shapes", "upload_placed"}
     | {"upload_lights", "upload_light_pictures", "upload_light_tree", "upload_glow"}
     | {"attaching", "checks", "receipt"},
     {"frame", "films", "live", "viewpoint", "hit_finders", "renderer", "gonioreflectometer"},
-    {"usd", "sensors", "newton", "testing", "study", "cli"},
+    {"usd", "sensors", "newton", "newton_shapes", "testing", "study", "cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
@@ -35,6 +35,8 @@ NEIGHBOURS = {
     ("texture_lookup", "texels"),
     ("scene", "placement"),
     ("scene", "scene_arguments"),
+    ("scene", "scene_shapes"),
+    ("scene_shapes", "scene_arguments"),
     ("plan", "emitters"),
     ("upload", "upload_lights"),
     ("upload", "upload_shapes"),
@@ -53,6 +55,7 @@ NEIGHBOURS = {
     ("renderer", "viewpoint"),
     ("renderer", "hit_finders"),
     ("cli", "study"),
+    ("newton", "newton_shapes"),
     ("__main__", "__init__"),
 }
 EDGES = {"usd", "cli"}

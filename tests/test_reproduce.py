@@ -116,6 +116,19 @@ def test_bad_receipts_are_one_line(tmp_path, capsys, receipt):
     assert error.count("\n") == 1 and "a.png" in error and "receipt" in error
 
 
+@pytest.mark.parametrize(
+    "spoilt",
+    [{"camera": {"fStop": 1}}, {"camera": "x"}, {"resolution": [16]}, {"samples": "x"}, {"seed": None}, {"stage": 5}],
+)
+def test_receipts_with_a_part_of_another_kind_are_one_line(tmp_path, capsys, spoilt):
+    sound = {"stage": str(BOX), "request": {}, "camera": {}, "resolution": [4, 4], "samples": 1, "seed": 0}
+    picture = tmp_path / "a.exr"
+    images.write(picture, {"color": np.zeros((4, 4, 3))}, {"warprender": json.dumps({**sound, **spoilt})})
+    assert main(["reproduce", str(picture)]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "a.exr: its receipt" in error
+
+
 def test_an_unknown_setting_is_one_line(stage, capsys):
     picture = rendered(stage, "a.exr")
     layers, metadata = images.read(picture)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from .given import shared_rows
 from .launch import launch
 
 #: Poses that are worth another thread.
@@ -107,13 +108,14 @@ def pose_array(poses: object, device: str | None = None) -> wp.array:
     """Poses as a `wp.array` (N,) of `wp.transformf` or `wp.transformd`; device arrays are taken as they are.
 
     Args:
-        poses: such an array, a `wp.array` (N, 7) of float32 or float64, or numbers (N, 7) on the host, which keep
-            double precision.
+        poses: such an array, a `wp.array` (N, 7) of float32 or float64, an array (N, 7) float32 of PyTorch or JAX, or
+            numbers (N, 7) on the host, which keep double precision.
         device: where numbers from the host go.
 
     Raises:
         ValueError: it is nothing of the kind.
     """
+    poses = shared_rows(poses, wp.transformf)
     if not isinstance(poses, wp.array):
         host = np.asarray(poses, np.float64)
         if host.ndim != 2 or host.shape[1] != 7:

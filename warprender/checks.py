@@ -12,7 +12,8 @@ import numpy as np
 
 from .emitters import lit
 from .materials import Dielectric
-from .scene import Placement, Scene, materials_of
+from .placement import Placement, materials_of
+from .scene import Scene
 from .shapes import Mesh
 from .visibility.trees import CLEAN_RANGE
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from .errors import SceneError
 from .lights import CameraLight, DomeLight, GlowingSphere, Light, MeshLight
-from .scene import Placement, Scene, materials_of
+from .placement import Placement, materials_of
+from .scene import Scene
 from .shapes import Mesh, Sdf, Sphere
 
 #: Geometry that emits a smaller share of all light than this is left to be met by chance: aiming at it would call for

@@ -52,6 +52,27 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
+def shared_rows(values: object, dtype: type) -> object:
+    """An array of another library, PyTorch's or JAX's, as the `wp.array` over the same memory; all else as it is.
+
+    Args:
+        values: anything. Rows (N, C) of float32, one behind the other, are shared by DLPack; what lies otherwise is
+            left to be copied.
+        dtype: the Warp type of a row, as `wp.vec3` or `wp.transformf`.
+    """
+    if isinstance(values, (wp.array, np.ndarray)) or not hasattr(values, "__dlpack__"):
+        return values
+    wp.init()
+    try:
+        found = wp.from_dlpack(values)
+    except (RuntimeError, TypeError, ValueError, BufferError) as error:
+        raise ValueError(f"an array of {type(values).__module__} cannot be shared: {error}") from None
+    width = dtype._length_
+    if found.dtype != wp.float32 or found.ndim != 2 or found.shape[1] != width or not found.is_contiguous:
+        return values
+    return wp.from_dlpack(values, dtype=dtype)
+
+
 def numbers(name: str, values: object) -> np.ndarray:
     """Real numbers as a float32 array of any shape.
 

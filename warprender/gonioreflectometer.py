@@ -15,9 +15,10 @@ from .launch import launch
 from .materials import Material
 from .materials.brdf_table import MERL_CELLS, MISSING, BrdfTable, directions
 from .materials.dispatch import material_functions
+from .placement import materials_of
 from .records import EVENT_ABSORB, EVENT_DELTA, EVENT_PASS, DeviceScene, Surface
 from .sampling import DIMENSION_BSDF, DIMENSION_LOBE, random_pair, sample_stream
-from .scene import Scene, SceneError, materials_of
+from .scene import Scene, SceneError
 from .upload import Upload
 
 #: Path of the sample that is measured.

@@ -8,9 +8,10 @@ atomics are plain reads and writes. Which thread takes a chunk changes no bit of
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import warp as wp
@@ -19,6 +20,20 @@ import warp as wp
 _CHUNKS_PER_THREAD = 12
 _SMALLEST_CHUNK = 256
 _SMALLEST_ROWS = 8
+
+#: Who is told, once, that a kernel has to be compiled; at most one.
+_to_be_told: list[Callable[[], None]] = []
+
+
+def tell_of_compiling(tell: Callable[[], None] | None) -> None:
+    """Call `tell` once, before a kernel is compiled that Warp's cache does not have; None tells nobody."""
+    _to_be_told[:] = [tell] if tell else []
+
+
+def is_compiled(kernel: wp.Kernel, device: wp.Device) -> bool:
+    """Whether Warp's cache has a kernel for the device. A CPU launch has block size 1."""
+    name = kernel.module.get_module_identifier(1 if device.is_cpu else 256)
+    return any(Path(wp.config.kernel_cache_dir, name).glob("*.o" if device.is_cpu else "*.[cp]*[nx]"))
 
 
 def launch(
@@ -42,6 +57,8 @@ def launch(
     device = wp.get_device(device)
     if count <= 0:
         return
+    if _to_be_told and not is_compiled(kernel, device):
+        _to_be_told.pop()()
     threads = thread_count(threads) if device.is_cpu else 1
     chunk = _chunk(count, threads, smallest_chunk)
     if chunk >= count:

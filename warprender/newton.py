@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from .color import srgb_decode
 from .launch import launch
+from .newton_shapes import look_of, shape_of
 from .scene import Placement, Scene
 from .shapes import Mesh, Primvar, Sphere
-from .shapes.revolved import capsule, cone, cylinder
 
-#: `newton.GeoType` by number, and which bit of `shape_flags` says that a shape is shown.
-_PLANE, _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH, _CONE, _CONVEX = 1, 3, 4, 5, 6, 7, 8, 9, 10
+#: Which bit of `shape_flags` says that a shape is shown.
 _VISIBLE = 1
-#: Half the width of a plane that has no end, in scene units.
-ENDLESS = 1000.0
 
 
 class NewtonScene:
@@ -28,99 +26,114 @@ class NewtonScene:
 
     def __init__(self, model: object) -> None:
         """Read the shapes and particles of a `newton.Model`."""
-        self.scene = Scene()
+        self.scene = Scene(up_axis="XYZ"[int(model.up_axis)], meters_per_unit=1.0)
         self.paths: list[str] = []
-        self._model, worlds = model, []
-        if not model.shape_count:
-            self._ids = None
-        else:
-            worlds += self._add_shapes(model)
-        self._cloth = self._beads = None
+        self._model, self._device = model, str(model.device)
+        self._no_bodies = wp.empty(0, dtype=wp.transformf, device=self._device)
+        worlds = self._add_shapes() if model.shape_count else []
+        self._sheets: list[tuple[wp.array, int]] = []
+        self._beads = None
         if model.particle_count:
-            worlds += self._add_particles(model)
+            worlds += self._add_particles()
+        if getattr(model, "deformable_visual_mesh_count", 0):
+            self.scene.warn("deformable visual meshes are not drawn: the surface that is simulated is")
         self.worlds = np.array(worlds, np.int32)
         self.sync(model.state())
 
     def sync(self, state: object) -> None:
         """Take over the bodies' poses and the particles' positions of a `newton.State`, device to device."""
-        if self._ids is not None:
+        if self.paths and self._ids is not None:
             bodies = state.body_q if state.body_q is not None else self._no_bodies
             arguments = [self._shapes, self._model.shape_body, self._model.shape_transform, bodies, self._poses]
-            launch(_compose, len(self._shapes), arguments, self._poses.device)
+            launch(_compose, len(self._shapes), arguments, self._device)
             self.scene.set_poses(self._ids, self._poses)
-        if self._cloth is not None:
-            wp.copy(self._cloth, state.particle_q)
+        for points, first in self._sheets:
+            wp.copy(points, state.particle_q, src_offset=first, count=len(points))
         if self._beads is not None:
-            launch(
-                _bead_poses,
-                len(self._bead_numbers),
-                [self._bead_numbers, state.particle_q, self._beads],
-                self._beads.device,
-            )
+            arguments = [self._bead_numbers, state.particle_q, self._beads]
+            launch(_bead_poses, len(self._bead_numbers), arguments, self._device)
             self.scene.set_poses(self._bead_ids, self._beads)
 
-    def _add_shapes(self, model: object) -> list[int]:
+    def _add_shapes(self) -> list[int]:
+        """Add the shapes that are shown; answers their worlds."""
+        model, count = self._model, self._model.shape_count
         kinds, scales, flags = (a.numpy() for a in (model.shape_type, model.shape_scale, model.shape_flags))
-        owners, colors = model.shape_world.numpy(), model.shape_color
-        colors = None if colors is None else colors.numpy()
-        shapes: dict[object, Mesh | Sphere] = {}
-        drawn, worlds = [], []
-        for i, (kind, scale) in enumerate(zip(kinds, scales, strict=True)):
-            shape = None
-            if flags[i] & _VISIBLE:
-                key = int(kind), tuple(scale), id(model.shape_source[i]), None if colors is None else tuple(colors[i])
-                if key not in shapes:
-                    shapes[key] = _shape(int(kind), scale, model.shape_source[i])
-                    if shapes[key] is not None and colors is not None and np.isfinite(colors[i]).all():
-                        shapes[key].primvars["displayColor"] = Primvar(colors[i][None], "constant")
-                shape = shapes[key]
-            label = model.shape_label[i] if i < len(model.shape_label) else ""
-            self.paths.append(f"/shape{i}" if shape is not None else "")
-            if shape is None:
-                if flags[i] & _VISIBLE:
-                    self.scene.warn(f"/shape{i} ({label}): shapes of Newton's kind {int(kind)} are not drawn")
+        owners, colors = model.shape_world.numpy(), _host(model, "shape_color", [None] * count)
+        opacities = _host(model, "shape_opacity", np.ones(count))
+        shapes: dict[tuple, Mesh | Sphere] = {}
+        looks: dict[tuple, str] = {}
+        drawn = []
+        for i in range(count):
+            self.paths.append("")
+            if not flags[i] & _VISIBLE or not opacities[i] > 0:
                 continue
-            matrix = np.diag([*scale, 1.0]) if kind in (_MESH, _CONVEX, _ELLIPSOID) else np.eye(4)
-            self.scene.placements[f"/shape{i}"] = Placement(f"/shape{i}", shape, matrix, semantic=str(label))
+            source = model.shape_source[i]
+            label = str(model.shape_label[i]) if i < len(model.shape_label) else ""
+            found = shape_of(int(kinds[i]), scales[i], source)
+            if found is None:
+                extent = ", ".join(f"{size:g}" for size in scales[i])
+                self.scene.warn(f"/shape{i} ({label}): Newton's kind {int(kinds[i])} of size {extent} is not drawn")
+                continue
+            key, scale, make = found
+            if key not in shapes:
+                shapes[key] = make()
+            look, material = look_of(colors[i], float(opacities[i]), source)
+            if look not in looks:
+                looks[look] = f"/looks/{len(looks)}"
+                self.scene.materials[looks[look]] = material
+            path = self.paths[i] = f"/shape{i}"
+            matrix = np.diag([*scale, 1.0])
+            self.scene.placements[path] = Placement(path, shapes[key], matrix, looks[look], semantic=label)
             drawn.append(i)
-            worlds.append(int(owners[i]))
-        device = str(model.device)
-        self._no_bodies = wp.empty(0, dtype=wp.transformf, device=device)
-        self._shapes = wp.array(np.array(drawn, np.int32), dtype=wp.int32, device=device)
-        self._poses = wp.empty(len(drawn), dtype=wp.transformf, device=device)
-        self._ids = self.scene.ids([f"/shape{i}" for i in drawn], device) if drawn else None
-        return worlds
+        self._shapes = wp.array(np.array(drawn, np.int32), dtype=wp.int32, device=self._device)
+        self._poses = wp.empty(len(drawn), dtype=wp.transformf, device=self._device)
+        self._ids = self.scene.ids([self.paths[i] for i in drawn], self._device) if drawn else None
+        return owners[drawn].tolist()
 
-    def _add_particles(self, model: object) -> list[int]:
-        """Triangles between particles as a mesh, all other particles as spheres."""
-        device, free = str(model.device), np.ones(model.particle_count, bool)
-        worlds = []
+    def _add_particles(self) -> list[int]:
+        """Triangles between particles as meshes, all particles that belong to no body of them as spheres."""
+        model, free = self._model, np.ones(self._model.particle_count, bool)
+        owners, worlds = model.particle_world.numpy(), []
         if model.tri_count:
             triangles = model.tri_indices.numpy().reshape(-1, 3)
             free[triangles] = False
-            self._cloth = wp.clone(model.particle_q)
-            self.scene.add_mesh("/cloth", self._cloth, triangles)
-            owners = np.unique(model.particle_world.numpy()[triangles])
-            worlds.append(int(owners[0]) if len(owners) == 1 else -1)
+            if model.tet_count:
+                free[model.tet_indices.numpy()] = False
+            for world in np.unique(owners[triangles[:, 0]]):
+                self._add_sheet(int(world), triangles, np.flatnonzero(owners[triangles[:, 0]] == world))
+                worlds.append(int(world))
         numbers = np.flatnonzero(free)
         if len(numbers):
-            radii = model.particle_radius.numpy()[numbers]
             copies = np.tile(np.eye(4), (len(numbers), 1, 1))
-            copies[:, [0, 1, 2], [0, 1, 2]] = radii[:, None]
+            copies[:, [0, 1, 2], [0, 1, 2]] = model.particle_radius.numpy()[numbers][:, None]
             ids = np.arange(len(numbers), dtype=np.int32)
             self.scene.placements["/particles"] = Placement("/particles", Sphere(1.0), copies, "", ids)
-            self._bead_numbers = wp.array(numbers.astype(np.int32), dtype=wp.int32, device=device)
-            self._beads = wp.empty(len(numbers), dtype=wp.transformf, device=device)
-            self._bead_ids = self.scene.ids([("/particles", int(k)) for k in ids], device)
-            worlds += model.particle_world.numpy()[numbers].tolist()
+            self._bead_numbers = wp.array(numbers.astype(np.int32), dtype=wp.int32, device=self._device)
+            self._beads = wp.empty(len(numbers), dtype=wp.transformf, device=self._device)
+            self._bead_ids = self.scene.ids([("/particles", int(k)) for k in ids], self._device)
+            worlds += owners[numbers].tolist()
         return worlds
+
+    def _add_sheet(self, world: int, triangles: np.ndarray, mine: np.ndarray) -> None:
+        """The triangles `mine` of a world as a mesh over its stretch of the particles."""
+        first, last = int(triangles[mine].min()), int(triangles[mine].max())
+        points = wp.clone(self._model.particle_q[first : last + 1])
+        path = "/cloth" if world < 0 or self._model.world_count <= 1 else f"/world{world}/cloth"
+        mesh = self.scene.add_mesh(path, points, triangles[mine] - first)
+        colors = _host(self._model, "tri_color", None)
+        if colors is not None and len(colors) == len(triangles):
+            mesh.primvars["displayColor"] = Primvar(srgb_decode(np.clip(colors[mine], 0.0, 1.0)), "uniform")
+        self._sheets.append((points, first))
 
 
 def from_newton(model: object) -> NewtonScene:
-    """A scene of a `newton.Model`: planes, spheres, ellipsoids, capsules, cylinders, cones, boxes, meshes, particles.
+    """A scene of a `newton.Model`: all shapes but Gaussians, and its particles.
 
-    Shapes that Newton hides are left out; kinds that are not drawn are named in `scene.warnings`. Lights and cameras
-    are the caller's to add. After each step of the simulation call `sync(state)`, then update renderers and sensors.
+    Planes (those without an end reach 1,000 units), heightfields, spheres, ellipsoids, capsules, cylinders, barrels,
+    cones, boxes, meshes with their normals and textures, convex hulls; cloth and soft bodies as meshes, other particles
+    as spheres. Shapes that Newton hides or has clear through are left out, what cannot be drawn is named in
+    `scene.warnings`. Colours are on the sRGB curve, as Newton's cameras take them. Lights and cameras are the caller's
+    to add. After each step of the simulation call `sync(state)`, then update renderers and sensors.
 
     Args:
         model: a finalized `newton.Model`. Newton is not imported here: whoever has a model has it.
@@ -131,32 +144,10 @@ def from_newton(model: object) -> NewtonScene:
     return NewtonScene(model)
 
 
-def _shape(kind: int, scale: np.ndarray, source: object) -> Mesh | Sphere | None:
-    """A shape as Newton has it: axes along Z, scale holds half sizes."""
-    x, y, z = (float(size) for size in scale)
-    if kind == _SPHERE:
-        return Sphere(x)
-    if kind == _ELLIPSOID:
-        return Sphere(1.0)
-    if kind == _PLANE:
-        half = [size / 2 if size > 0 else ENDLESS for size in (x, y)]
-        corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32) * [*half, 1]
-        return Mesh.from_polygons(corners.astype(np.float32), np.array([4]), np.arange(4))
-    if kind == _BOX:
-        corners = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)], np.float32) * [x, y, z]
-        quads = np.array([0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3])
-        return Mesh.from_polygons(corners.astype(np.float32), np.full(6, 4), quads)
-    if kind in (_MESH, _CONVEX):
-        indices = np.asarray(source.indices).reshape(-1)
-        points = np.asarray(source.vertices, np.float32)
-        return Mesh.from_polygons(points, np.full(len(indices) // 3, 3), indices)
-    if kind == _CAPSULE:
-        return capsule(y * 2, x, x)
-    if kind == _CYLINDER:
-        return cylinder(y * 2, x, x)
-    if kind == _CONE:
-        return cone(y * 2, x)
-    return None
+def _host(model: object, name: str, fallback: object) -> object:
+    """An array of the model on the host, `fallback` where it has none."""
+    array = getattr(model, name, None)
+    return fallback if array is None or not len(array) else array.numpy()
 
 
 @wp.kernel(module="unique", enable_backward=False)

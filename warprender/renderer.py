@@ -27,7 +27,7 @@ from .integrators.samples import PathRequest, launch_samples, samples_kernel
 from .launch import thread_count
 from .live import LiveScene
 from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, output_names, term_of, terms_of
-from .plan import LIGHT_BY_LIGHT, RenderPlan, Request, analyse
+from .plan import LIGHT_BY_LIGHT, LIGHT_SAMPLINGS, RenderPlan, Request, analyse
 from .receipt import make_receipt
 from .scene import Scene
 from .shutter import shutter_share
@@ -35,10 +35,6 @@ from .stopping import Limits, Passes
 from .texels import TEXTURE_BYTES
 from .viewpoint import Viewpoint
 from .visibility.raster import LARGEST_SIDE
-
-SAMPLERS = ("sobol", "independent")
-#: In the order of `DeviceScene.light_sampling`.
-LIGHT_SAMPLINGS = ("tree", "power", "none")
 
 Progress = Callable[[float, Callable[[], Frame]], None]
 
@@ -150,10 +146,6 @@ class Renderer:
         )
         if denoise and not available():
             raise SceneError(MISSING)
-        if sampler not in SAMPLERS:
-            raise SceneError(f"sampler {sampler!r} is not one of {', '.join(SAMPLERS)}")
-        if light_sampling not in LIGHT_SAMPLINGS:
-            raise SceneError(f"light sampling {light_sampling!r} is not one of {', '.join(LIGHT_SAMPLINGS)}")
         self._with_camera_light = use_camera_light(scene, camera_light)
         self.plan: RenderPlan = self._analyse()
         self._live = LiveScene(
@@ -361,7 +353,7 @@ class Renderer:
     def _follow_bounds(self, request: PathRequest) -> None:
         """What the plan's bounds say to the kernel, as they are now."""
         request.bounces = int(self.plan.bounds["bounces"])
-        request.met = int(self.plan.bounds["lights can be hit"])
+        request.met = int(self.plan.bounds.get("lights can be hit", True))
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
         """Add samples to the first `pixels`, None for all."""

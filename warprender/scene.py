@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 import warp as wp
@@ -16,37 +17,17 @@ import warp as wp
 from .bodies import Bodies, Name, ancestors, as_names, pose_array
 from .camera import Camera
 from .errors import SceneError
-from .given import face_corners, is_number, plain_array, shown
+from .given import plain_array, shown
 from .lights import Light
 from .materials import DisplayColor, Material
-from .materials.displacement import displaced
-from .materials.inputs import Varying
 from .materials.material import BaseMaterial
 from .picture_settings import PictureSettings, RenderProduct, RenderSettings
-from .placement import Placement, copies_of, materials_of
-from .scene_arguments import (
-    array_argument,
-    check_described,
-    colors_primvar,
-    host_points,
-    naming,
-    pose_matrix,
-    vectors_primvar,
-)
-from .shapes import Mesh, Primvar, Sdf, Sphere
+from .placement import Placement, copies_of
+from .scene_arguments import check_described, pose_matrix
+from .scene_shapes import displaced_as, mesh_of, sdf_of, sphere_of
+from .shapes import Mesh, Sdf, Sphere
 
-#: A scene and what it is made of, for those who read one.
-__all__ = [
-    "PictureSettings",
-    "Placement",
-    "RenderProduct",
-    "RenderSettings",
-    "Scene",
-    "SceneError",
-    "copies_of",
-    "materials_of",
-    "pose_matrix",
-]
+Shape = TypeVar("Shape", Mesh, Sphere, Sdf)
 
 
 @dataclass
@@ -134,8 +115,8 @@ class Scene:
 
         Args:
             path: prim path, unique in the scene.
-            points: (N, 3) float32 in object space and scene units, or a `wp.array(dtype=wp.vec3)` of length N,
-                which is used in place, not copied.
+            points: (N, 3) float32 in object space and scene units. A `wp.array(dtype=wp.vec3)` of length N, and an
+                array (N, 3) float32 of PyTorch or JAX, is used in place, not copied.
             faces: (F, k) int indices into `points`, or a sequence of F faces of any sizes; three corners or more,
                 counter-clockwise seen from the front.
             material: None draws `color` as a Lambert surface; a path takes
@@ -158,30 +139,8 @@ class Scene:
                 of the material is not as described.
         """
         self._claim(path)
-        host = host_points(path, points)
-        with naming(path):
-            counts, indices = face_corners(faces)
-        if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
-            raise SceneError(f"{path}: a face index is outside 0…{len(points) - 1}")
-        if few := int((counts < 3).sum()):
-            self.warn(f"{path}: {few} faces have fewer than three corners and are not drawn")
-        mesh = Mesh.from_polygons(host, counts, indices)
-        if isinstance(points, wp.array):
-            mesh.points = points
-        if isinstance(normals, (str, wp.array)):
-            mesh.normals = normals
-        elif normals is not None:
-            mesh.normals = vectors_primvar(path, "normals", normals, len(host))
-        if color is not None:
-            mesh.primvars["displayColor"] = colors_primvar(path, color, len(host))
-        if st is not None:
-            st = array_argument(path, "st", st)
-            if st.shape != (len(host), 2):
-                raise SceneError(f"{path}: st has shape {st.shape}, not {(len(host), 2)}")
-            mesh.primvars["st"] = Primvar(st, "vertex")
-        mesh = self._displaced(path, mesh, material)
-        self._place(path, mesh, material, pose)
-        return mesh
+        mesh = mesh_of(path, points, faces, normals, color, st, self.warn)
+        return self._place(path, mesh, material, pose)
 
     def add_sphere(
         self,
@@ -207,22 +166,13 @@ class Scene:
             SceneError: the path is taken, or an array has the wrong shape.
         """
         self._claim(path)
-        if not is_number(radius) or not np.isfinite(radius):
-            raise SceneError(f"{path}: radius is {shown(radius)}, not a number")
-        if radius <= 0:
-            self.warn(f"{path}: its radius is {radius:g}; nothing is drawn")
-        sphere = Sphere(float(radius))
-        if color is not None:
-            sphere.primvars["displayColor"] = colors_primvar(path, color, 1)
-        sphere = self._displaced(path, sphere, material)
-        self._place(path, sphere, material, pose)
-        return sphere
+        return self._place(path, sphere_of(path, radius, color, self.warn), material, pose)
 
     def add_sdf(
         self,
         path: str,
-        distance: wp.Function | np.ndarray,
-        bounds: np.ndarray | Sequence,
+        distance: wp.Function | np.ndarray | wp.Volume,
+        bounds: np.ndarray | Sequence | None = None,
         material: Material | str | None = None,
         pose: object = None,
         color: Sequence | None = None,
@@ -235,8 +185,10 @@ class Scene:
         Args:
             path: prim path, unique in the scene.
             distance: a `wp.func` of a `wp.vec3` in object space, or of that and `parameters` as a `wp.vec4`, that
-                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds.
-            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end.
+                returns a float; or its samples (X, Y, Z) on a grid from corner to corner of the bounds; or a
+                `wp.Volume` of float32 on the CPU, whose world is object space.
+            bounds: (2, 3) lower and upper corner in object space of where it is asked; inf has no end. A `wp.Volume`
+                has its own.
             material: as in `add_mesh`.
             pose: as in `add_mesh`.
             color: one (3,) colour, as in `add_mesh`.
@@ -252,17 +204,9 @@ class Scene:
             SceneError: the path is taken, or an argument is not as described; no material has this path.
         """
         self._claim(path)
-        given = {"function": distance} if isinstance(distance, wp.Function) else {"values": distance}
-        try:
-            sdf = Sdf(bounds=bounds, lipschitz=lipschitz, precision=precision, parameters=tuple(parameters), **given)
-        except (TypeError, ValueError) as error:
-            raise SceneError(f"{path}: {error}") from None
-        if fault := sdf.fault():
-            raise SceneError(f"{path}: {fault}")
-        if color is not None:
-            sdf.primvars["displayColor"] = colors_primvar(path, color, 1)
-        self._place(path, self._displaced(path, sdf, material), material, pose)
-        return sdf
+        shape = {"bounds": bounds, "lipschitz": lipschitz, "precision": precision, "parameters": parameters}
+        sdf = sdf_of(path, distance, color, **shape)
+        return self._place(path, sdf, material, pose)
 
     def add_instances(self, path: str, prototype: str, poses: Sequence | np.ndarray) -> Placement:
         """Draw the shape of the prim `prototype` once more for each pose; it is stored once.
@@ -450,32 +394,18 @@ class Scene:
         if path in self.placements or path in self.lights or path in self.cameras:
             raise SceneError(f"{path}: the path is already in the scene")
 
-    def _displaced(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None) -> Mesh | Sphere | Sdf:
-        """The shape with its points moved as its material says; unmoved, with a warning, where they cannot be."""
-        if material is not None and not isinstance(material, str):
-            check_described(f"{path}/material", material, BaseMaterial)
-        material = self.materials.get(material) if isinstance(material, str) else material
-        displacement = getattr(material, "displacement", 0.0)
-        if not isinstance(displacement, Varying) and displacement == 0.0:
-            return shape
-        if isinstance(getattr(shape, "stored", None), wp.array):
-            self.warn(f"{path}: it is not displaced: its points are used in place")
-            return shape
-        try:
-            return displaced(shape, displacement)
-        except ValueError as error:
-            self.warn(f"{path}: it is drawn without its displacement: {error}")
-            return shape
-
-    def _place(self, path: str, shape: Mesh | Sphere | Sdf, material: Material | str | None, pose: object) -> None:
-        key = ""
+    def _place(self, path: str, shape: Shape, material: Material | str | None, pose: object) -> Shape:
+        """Draw a shape; returns it, displaced as its material says."""
+        key = material if isinstance(material, str) else f"{path}/material" if material is not None else ""
         if isinstance(material, str):
-            key = material
             if key not in self.materials:
                 raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
+            material = self.materials[key]
         elif material is not None:
-            key = f"{path}/material"
+            check_described(key, material, BaseMaterial)
+        shape = displaced_as(path, shape, material, self.warn)
         placement = Placement(path, shape, pose_matrix(pose, path)[None], key)
-        if material is not None and not isinstance(material, str):
+        if material is not None:
             self.materials[key] = material
         self.placements[path] = placement
+        return shape

@@ -32,7 +32,7 @@ class Limits:
         seconds: wall-clock time.
 
     Raises:
-        SceneError: a limit is not above 0.
+        SceneError: a limit is not a number above 0.
     """
 
     samples: float | None = None

@@ -9,8 +9,9 @@ from .attaching import Rig
 from .lights import Light
 from .material_tables import MaterialTables
 from .materials.albedo import albedo_table
+from .placement import Placement, copies_of, materials_of
 from .records import DeviceScene, GeometryRecord, InstanceRecord, PrimvarRecord, SdfRecord
-from .scene import Placement, Scene, copies_of, materials_of
+from .scene import Scene
 from .shapes import Sdf, Sphere
 from .texels import TEXTURE_BYTES
 from .upload_lights import LightUpload

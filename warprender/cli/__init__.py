@@ -24,10 +24,13 @@ COMMANDS = (render, plan, warm, check, compare, reproduce, study, measure)
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code; bad input is one line on stderr.
 
+    Called with arguments, from a program, it does not say that kernels are compiled.
+
     Raises:
         SystemExit: wrong usage (code 2) or --help (code 0), as argparse does.
     """
     args = build_parser().parse_args(argv)
+    args.told = getattr(args, "told", False) and argv is None
     args.typed = list(sys.argv[1:] if argv is None else argv)
     try:
         return args.run(args)

@@ -9,6 +9,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from .arguments import share
+from .quiet import without_lines
 
 if TYPE_CHECKING:
     from ..study.pictures import Pair
@@ -58,7 +59,8 @@ def run(args: argparse.Namespace) -> int:
         raise ValueError(FLIP_MISSING)
     if args.flip is not None and args.aov != "color":
         raise ValueError(f"--flip measures color, not {args.aov}")
-    pair = read_pair(args.first, args.second, args.aov)
+    with without_lines(b"libpng"):
+        pair = read_pair(args.first, args.second, args.aov)
     figures = measure(pair, args.aov == "color")
     if args.output:
         _write_difference(args.output, pair)
@@ -67,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         _print_json(figures, beyond)
     else:
-        _print_lines(args, figures, beyond, pair.encoded)
+        _print_lines(args, figures, beyond, pair)
     return 1 if beyond else 0
 
 
@@ -94,11 +96,13 @@ def _beyond_same(figures: dict[str, float | None]) -> dict[str, float]:
     return {"maximum": 0.0} if figures["maximum"] != 0.0 else {}
 
 
-def _print_lines(args: argparse.Namespace, figures: dict, beyond: dict[str, float], encoded: bool) -> None:
+def _print_lines(args: argparse.Namespace, figures: dict, beyond: dict[str, float], pair: Pair) -> None:
+    import numpy as np
+
     from ..study.metrics import FLIP_MISSING
 
-    kind = "as stored, sRGB-encoded" if encoded else ("linear" if args.aov == "color" else "as stored")
-    print(f"{args.first} against {args.second}: {args.aov}, values {kind}")
+    kind = "as stored, sRGB-encoded" if pair.encoded else ("linear" if args.aov == "color" else "as stored")
+    print(f"{args.first} against {args.second}: {args.aov}, values {kind}{pair.left_out}")
     print(f"RMSE          {figures['rmse']:.6g}")
     print(f"relative MSE  {figures['relativeMse']:.6g}")
     print(f"maximum       {figures['maximum']:.6g}")
@@ -106,6 +110,9 @@ def _print_lines(args: argparse.Namespace, figures: dict, beyond: dict[str, floa
     print(f"pixels        {100 * figures['different']:.4g} % differ")
     if args.aov == "color":
         print(f"FLIP          {FLIP_MISSING if figures['flip'] is None else format(figures['flip'], '.6g')}")
+    bad = [int((~np.isfinite(values)).any(-1).sum()) for values in (pair.first, pair.second)]
+    if any(bad):
+        print(f"not finite    {bad[0]} pixels of A, {bad[1]} of B")
     if not beyond:
         print("within the limits" if figures["maximum"] else "same")
     for name, limit in beyond.items():

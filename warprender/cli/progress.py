@@ -6,8 +6,18 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from .report import remark
+
 #: Called between passes with the share that is done, 0 to 1, and a callable that gives the frame so far.
 Progress = Callable[[float, Callable], None]
+
+
+def announce_compiling() -> None:
+    """Say on a stderr that is no terminal, once, that kernels are compiled; a terminal has a bar that says so."""
+    from ..launch import tell_of_compiling
+
+    if not sys.stderr.isatty():
+        tell_of_compiling(lambda: remark("compiling kernels for this stage, once: this takes up to a minute"))
 
 
 @contextmanager

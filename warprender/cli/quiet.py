@@ -20,7 +20,7 @@ def start_warp(device: str) -> None:
     import warp as wp
 
     wp.config.log_level = wp.LOG_WARNING
-    with _without_line(_NO_DRIVER):
+    with without_lines(_NO_DRIVER):
         wp.init()
     try:
         wp.get_device(device)
@@ -30,8 +30,8 @@ def start_warp(device: str) -> None:
 
 
 @contextmanager
-def _without_line(unwanted: bytes) -> Iterator[None]:
-    """Drop a line that C code prints past Python's `sys.stderr`, and pass on all others."""
+def without_lines(unwanted: bytes) -> Iterator[None]:
+    """Drop lines that C code prints past Python's `sys.stderr`, and pass on all others."""
     sys.stderr.flush()
     stderr = os.dup(2)
     with tempfile.TemporaryFile() as caught:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .arguments import add_picture_arguments
-from .progress import Progress, progress_bar
+from .progress import Progress, announce_compiling, progress_bar
 from .report import Warnings, interrupted, write_stats
 from .trace import tracing
 
@@ -37,6 +37,7 @@ def add_parser(commands: argparse._SubParsersAction) -> None:
         "the render products of the stage name the files",
     )
     parser.add_argument("--stats", metavar="FILE.json", help="write what each frame took: time, rays, error")
+    parser.add_argument("--quiet", dest="told", action="store_false", help="do not say that kernels are compiled")
     parser.set_defaults(run=run)
 
 
@@ -51,6 +52,8 @@ def run(args: argparse.Namespace) -> int:
     pictures = asked_pictures(args) if args.output else []
     warnings.show(_check_destinations(args, pictures))
     start_warp(args.device)
+    if args.told:
+        announce_compiling()
     with tracing(args.traceToFile, args.traceFormat):
         stage = open_stage(args)
         if not args.output:

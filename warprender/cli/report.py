@@ -20,6 +20,11 @@ def interrupted(outcome: str) -> int:
     return 130
 
 
+def remark(words: str) -> None:
+    """What is going on, on stderr."""
+    print(f"warprender: {words}", file=sys.stderr, flush=True)
+
+
 class Warnings:
     """Prints each warning once, also when the frames of a range repeat it."""
 

@@ -11,11 +11,16 @@ from typing import TYPE_CHECKING
 
 from .arguments import positive_int
 from .progress import progress_bar
+from .quiet import without_lines
 
 if TYPE_CHECKING:
     import numpy as np
 
     from .. import Frame
+
+
+#: What a receipt must have, by type.
+_PARTS = {"stage": str, "request": dict, "camera": dict, "resolution": list, "samples": (int, float), "seed": int}
 
 
 def add_parser(commands: argparse._SubParsersAction) -> None:
@@ -73,15 +78,21 @@ def read_receipt(picture: str) -> dict:
 
     from .. import images
 
-    _, metadata = images.read(picture)
+    with without_lines(b"libpng"):
+        _, metadata = images.read(picture)
+    if "warprender" not in metadata:
+        raise ValueError(f"{picture}: carries no receipt of warprender's; PNG and EXR that it wrote do")
     try:
         receipt = json.loads(str(metadata["warprender"]))
-        for name in ("stage", "request", "camera", "resolution", "samples", "seed"):
-            receipt[name]
-    except KeyError as missing:
-        raise ValueError(f"{picture}: carries no receipt of warprender's: there is no {missing}") from None
-    except (json.JSONDecodeError, TypeError):
-        raise ValueError(f"{picture}: its receipt cannot be read") from None
+    except json.JSONDecodeError:
+        receipt = None
+    if not isinstance(receipt, dict):
+        raise ValueError(f"{picture}: its receipt cannot be read")
+    for name, kind in _PARTS.items():
+        if not isinstance(receipt.get(name), kind):
+            raise ValueError(f"{picture}: its receipt has no {name}, or one of another kind")
+    if len(receipt["resolution"]) != 2:
+        raise ValueError(f"{picture}: its receipt has no width and height")
     return receipt
 
 
@@ -114,7 +125,7 @@ def _render(args: argparse.Namespace, receipt: dict, stage: str) -> Frame:
         renderer = Renderer(
             scene, path if moving else camera, size, device=device, threads=args.threads, **receipt["request"]
         )
-    except TypeError as unknown:
+    except (TypeError, KeyError, AttributeError) as unknown:
         raise ValueError(f"{args.picture}: its receipt is of another version: {unknown}") from None
     with progress_bar(args.picture) as progress:
         return renderer.render(samples=receipt["samples"] or None, seed=receipt["seed"], progress=progress)
@@ -139,7 +150,10 @@ def _changes(then: dict, now: dict, stage: str) -> Iterator[str]:
     for name in ("machine", "device"):
         if then.get(name) != now[name]:
             yield f"{name}: {then.get(name)} then, {now[name]} now"
-    yield from (f"plan {line}" for line in _differences(then.get("plan"), now["plan"]))
+    if then.get("plan") is None:
+        yield "plan: not in the receipt"
+        return
+    yield from (f"plan {line}" for line in _differences(then["plan"], now["plan"]))
 
 
 def _differences(then: object, now: object, path: str = "") -> Iterator[str]:

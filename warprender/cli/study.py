@@ -264,5 +264,5 @@ def _identity(args: argparse.Namespace, scene: Scene, own: Renderer, most: int) 
         "--camera": args.camera,
         "--samples": most,
         **{f"--{_FLAGS.get(name, name)}": value for name, value in asked.items()},
-        **{f"machine: {name}": value for name, value in machine(args.device, own.threads).items()},
+        **machine(args.device, own.threads),
     }

@@ -22,5 +22,6 @@ def spec_of(
 
 
 def reason(message: str) -> str:
-    """What OpenImageIO says of a failure, in one line."""
-    return " ".join(message.split()) or "OpenImageIO gives no reason"
+    """What OpenImageIO says of a failure, in one line; of a broken header it says a page, which is cut off."""
+    words = " ".join(message.split()) or "OpenImageIO gives no reason"
+    return words if len(words) <= 200 else f"{words[:200]} …"

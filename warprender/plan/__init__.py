@@ -10,17 +10,29 @@ from .choices import PIXEL_COST, RAY_COST, TRIANGLE_COST
 from .keys import LIGHT_EFFECTS, OutputsKey, PathKey, covers, everything
 from .occurring import distance_functions
 from .render_plan import RenderPlan
-from .request import LIGHT_BY_LIGHT, ONE_SURFACE, RAY_ACCURACIES, TRANSPORTS, VISIBILITIES, Request, check_outputs
+from .request import (
+    LIGHT_BY_LIGHT,
+    LIGHT_SAMPLINGS,
+    ONE_SURFACE,
+    RAY_ACCURACIES,
+    SAMPLERS,
+    TRANSPORTS,
+    VISIBILITIES,
+    Request,
+    check_outputs,
+)
 
 __all__ = [
     "BOUNCE_TOLERANCE",
     "LIGHT_BY_LIGHT",
     "LIGHT_EFFECTS",
+    "LIGHT_SAMPLINGS",
     "MOST_BOUNCES",
     "ONE_SURFACE",
     "PIXEL_COST",
     "RAY_ACCURACIES",
     "RAY_COST",
+    "SAMPLERS",
     "TRANSPORTS",
     "TRIANGLE_COST",
     "VISIBILITIES",

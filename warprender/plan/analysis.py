@@ -69,6 +69,7 @@ def analyse(
     _note_outputs(plan, request)
     _note_lights(plan, lights, request)
     _note_rays(plan, found)
+    plan.note("fast rays", "asked for" if request.ray_accuracy == "fast" else "", "ray_accuracy='fast', for studies")
     return plan
 
 

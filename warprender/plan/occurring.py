@@ -9,7 +9,8 @@ import warp as wp
 
 from ..materials import TRANSMITTING, DisplayColor
 from ..materials.inputs import NORMAL
-from ..scene import Placement, Scene, materials_of
+from ..placement import Placement, materials_of
+from ..scene import Scene
 from ..shapes import Mesh, Primvar, Sdf
 from ..textures import Texture
 

@@ -15,6 +15,9 @@ ONE_SURFACE = ("local", "direct")
 #: Those that add up the lights at a surface, and reflect no other light in its rough parts.
 LIGHT_BY_LIGHT = ("local", "direct", "whitted")
 VISIBILITIES = ("rays", "raster", "painter")
+SAMPLERS = ("sobol", "independent")
+#: In the order of `DeviceScene.light_sampling`.
+LIGHT_SAMPLINGS = ("tree", "power", "none")
 #: How rays of colour meet triangles: by our walk, or by Warp's own query, which leaks.
 RAY_ACCURACIES = ("watertight", "fast")
 
@@ -77,6 +80,10 @@ def check_request(request: Request) -> None:
         raise SceneError(f"visibility {request.visibility!r} is not one of auto, {', '.join(VISIBILITIES)}")
     if request.ray_accuracy not in RAY_ACCURACIES:
         raise SceneError(f"ray accuracy {request.ray_accuracy!r} is not one of {', '.join(RAY_ACCURACIES)}")
+    if request.sampler not in SAMPLERS:
+        raise SceneError(f"sampler {request.sampler!r} is not one of {', '.join(SAMPLERS)}")
+    if request.light_sampling not in LIGHT_SAMPLINGS:
+        raise SceneError(f"light sampling {request.light_sampling!r} is not one of {', '.join(LIGHT_SAMPLINGS)}")
     if request.denoise and "color" not in request.outputs:
         raise SceneError("denoising is of color, which is not among the outputs")
     if request.bounces is not None and not is_count(request.bounces):

@@ -49,6 +49,22 @@ def capsule(height: float, radius_bottom: float, radius_top: float, axis: str = 
     )
 
 
+def barrel(height: float, radius: float, arc: float, axis: str = "Z") -> Mesh:
+    """A cylinder whose side bulges: caps of the given radius, and between them an arc of a circle of radius `arc`."""
+    low, high = -height / 2, height / 2
+    widest = np.arcsin(min(high / arc, 1.0))
+    turn = np.linspace(-widest, widest, CAP_RINGS + 1)
+    normals = np.stack([np.cos(turn), np.sin(turn)], 1)
+    return _revolve(
+        [
+            _line((0, low), (radius, low)),
+            (normals * arc + (radius - arc * np.cos(widest), 0), normals),
+            _line((radius, high), (0, high)),
+        ],
+        axis,
+    )
+
+
 def _line(start: tuple, end: tuple) -> tuple[np.ndarray, np.ndarray]:
     """Profile of two points (radius, height) and their normal, to the right of the way from start to end."""
     points = np.array([start, end], np.float64)

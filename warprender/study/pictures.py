@@ -19,11 +19,13 @@ class Pair:
         first: (H, W, C) float64.
         second: the same shape.
         encoded: whether values are sRGB-encoded, as both files hold them; else they are linear or no colours.
+        left_out: what one of them has beyond the other, in words, or "".
     """
 
     first: np.ndarray
     second: np.ndarray
     encoded: bool
+    left_out: str = ""
 
 
 def read_pair(first: str | Path, second: str | Path, layer: str = "color") -> Pair:
@@ -42,12 +44,15 @@ def read_pair(first: str | Path, second: str | Path, layer: str = "color") -> Pa
     encoded = a_encoded and b_encoded
     if not encoded:
         a, b = (_linear(v) if e else v for v, e in ((a, a_encoded), (b, b_encoded)))
+    left_out = ""
     if layer == "color":
+        if _alpha(a) != _alpha(b):
+            left_out = f"; alpha, which {first if _alpha(a) else second} alone has, is not compared"
         channels = 4 if min(map(_alpha, (a, b))) else 3
         a, b = (_as_color(v, channels) for v in (a, b))
     elif a.shape != b.shape:
         raise ValueError(f"{first} and {second}: layer {layer} has {a.shape[2]} and {b.shape[2]} channels")
-    return Pair(a, b, encoded)
+    return Pair(a, b, encoded, left_out)
 
 
 def _read(path: str | Path, layer: str) -> tuple[np.ndarray, bool]:

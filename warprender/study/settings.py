@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ..plan import ONE_SURFACE, TRANSPORTS, RenderPlan
-from ..renderer import LIGHT_SAMPLINGS, SAMPLERS
+from ..plan import LIGHT_SAMPLINGS, ONE_SURFACE, SAMPLERS, TRANSPORTS, RenderPlan
 
 #: Bounces that are tried, as far as they are below what the plan follows.
 _BOUNCES = (0, 1, 2, 4, 8, 16)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from pxr import Ar, Sdf, Usd, UsdLux
+from pxr import Sdf, Usd, UsdLux
 
 from ..lights import IesProfile, Shadow, Shaping
-from .reading import Reading
+from .reading import Reading, asset_bytes
 
 
 def light_input(reading: Reading, prim: Usd.Prim, name: str) -> object:
@@ -99,21 +99,8 @@ def _profile(reading: Reading, prim: Usd.Prim) -> IesProfile | None:
         return None
     if path not in reading.profiles:
         try:
-            reading.profiles[path] = IesProfile.parse(_text(path))
+            reading.profiles[path] = IesProfile.parse(asset_bytes(path).decode("latin-1"))
         except ValueError as error:
             reading.remark(prim, f"it is drawn without its profile: {path}: {error}")
             reading.profiles[path] = None
     return reading.profiles[path]
-
-
-def _text(path: str) -> str:
-    """What a file holds, which may lie in a package: `lamp.usdz[beam.ies]`.
-
-    Raises:
-        ValueError: it cannot be opened.
-    """
-    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
-    if not asset:
-        raise ValueError("it cannot be opened")
-    with asset:
-        return bytes(asset.GetBuffer()).decode("latin-1")

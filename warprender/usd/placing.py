@@ -26,6 +26,7 @@ from .primvars import inherited_from
 from .reading import Reading, shared_prim
 from .semantics import read_semantic
 from .skeletons import to_skeleton
+from .volumes import read_volume
 from .walk import Visit
 
 #: Key of the material of geometry that is nothing but a light.
@@ -40,6 +41,7 @@ SHAPES: dict[str, Callable[[Reading, Usd.Prim], Mesh | Sphere | None]] = {
     "NurbsPatch": read_nurbs_patch,
     "NurbsCurves": read_nurbs_curves,
     "HermiteCurves": read_hermite_curves,
+    "Volume": read_volume,
     **dict.fromkeys(KINDS, read_gprim),
 }
 

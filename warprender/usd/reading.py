@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from pxr import Sdf, Tf, Usd, UsdUtils
+from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from ..lights import IesProfile, LightTexture
 from ..scene import Scene
@@ -135,3 +135,16 @@ def one_line(message: object) -> str:
         parts = str(message).split(" : '", 1)
         message = parts[-1].split("'\n")[0].rstrip("'\n")
     return _CIRCUMSTANCES.sub("", " ".join(str(message).split()))
+
+
+def asset_bytes(path: str) -> bytes:
+    """What a file holds, which may lie in a package: `lamp.usdz[beam.ies]`.
+
+    Raises:
+        ValueError: it cannot be opened.
+    """
+    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    if not asset:
+        raise ValueError("it cannot be opened")
+    with asset:
+        return bytes(asset.GetBuffer())
