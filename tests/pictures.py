@@ -7,9 +7,13 @@ from warprender.plan import everything
 
 
 def prepare(scene, camera, size=16, **options):
-    """A renderer of size × size pixels; independent numbers unless asked, so that standard errors are exact."""
+    """A renderer of size × size pixels.
+
+    Unless asked otherwise paths, for every transport is a kernel of its own, and independent numbers, so that standard
+    errors are exact.
+    """
     resolution = size if isinstance(size, tuple) else (size, size)
-    renderer = wr.Renderer(scene, camera, resolution, **{"sampler": "independent", **options})
+    renderer = wr.Renderer(scene, camera, resolution, **{"transport": "path", "sampler": "independent", **options})
     renderer.plan.path = everything()
     return renderer
 

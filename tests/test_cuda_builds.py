@@ -6,7 +6,7 @@ The path tracer is compiled for a plain key: with every effect compiled in, CUDA
 import pytest
 import warp as wp
 
-from warprender import bodies, sensors
+from warprender import bodies
 from warprender.film import _resolve_kernel
 from warprender.gonioreflectometer import measure_kernel
 from warprender.integrators import RADIANCE
@@ -15,6 +15,7 @@ from warprender.integrators.samples import samples_kernel
 from warprender.integrators.views import ViewKey, views_kernel
 from warprender.outputs import OUTPUTS
 from warprender.plan import OutputsKey, PathKey
+from warprender.sensors.poses import place_kernel
 from warprender.shapes import live_normals
 from warprender.visibility import first_hits, placing, trees, view_raster
 from warprender.visibility.attributes import _kernel as interpolate_kernel
@@ -29,7 +30,9 @@ def all_outputs():
 
 def views(found_by, transport="local", worlds=True):
     outputs = OutputsKey(PLAIN.shapes, PLAIN.materials, CAMERA, ("cameraDepth", "semantic"), False)
-    return views_kernel(ViewKey(PLAIN, outputs, transport, found_by, worlds, True, True, False, True), None)
+    return views_kernel(
+        ViewKey(PLAIN, outputs, transport, found_by, worlds, True, ("color", "rgba8"), False, True), None
+    )
 
 
 GLASS = PathKey(
@@ -46,9 +49,12 @@ FAMILIES = {
     "views by rays": lambda: views("rays", "direct"),
     "views by raster": lambda: views("raster", worlds=False),
     "views by a table": lambda: views("table"),
-    "places of views": lambda: sensors._place_single,
-    "matrices of a view": lambda: view_raster._view_matrices,
-    "poses": lambda: bodies._store_single,
+    "places of views": lambda: place_kernel(wp.transformf),
+    "matrices of views": lambda: view_raster._view_matrices,
+    "pixels of views for rays": lambda: view_raster._mark_rows,
+    "faces of views": view_raster._keyed_faces,
+    "pixels of views": view_raster._keyed_pixels,
+    "poses": lambda: bodies.store_kernel(wp.transformf),
     "placing": lambda: placing._place_instances,
     "normals that follow": lambda: live_normals._follow,
     "box of a mesh": lambda: trees._mesh_box,

@@ -55,7 +55,7 @@ ADDED = {
     ),
     "Phong": ({"materials": {"Phong"}}, {"material Phong": "/ball", "lobe glossy": "/ball"}),
     "measured BRDF": ({"materials": {"MeasuredBRDF"}}, {"material MeasuredBRDF": "/ball", "lobe measured": "/ball"}),
-    "sphere": ({"shapes": {"Sphere"}}, {"shape Sphere": "/ball"}),
+    "sphere": ({}, {"shape Sphere": "/ball"}),
     "signed distance function": ({"shapes": {"Sdf"}, "sdfs": {_adapted(ball)}}, {"shape Sdf": "/ball"}),
     "sphere light": ({"lights": {"SphereLight"}}, {"light SphereLight": "/second"}),
     "disk light": ({"lights": {"DiskLight"}}, {"light DiskLight": "/second"}),
@@ -70,7 +70,7 @@ ADDED = {
         {"light MeshLight": "/ball (glows)"},
     ),
     "glowing sphere": (
-        {"materials": {"PreviewSurface"}, "shapes": {"Sphere"}, "lights": {"GlowingSphere"}},
+        {"materials": {"PreviewSurface"}, "lights": {"GlowingSphere"}},
         {"light GlowingSphere": "/ball (glows)"},
     ),
     "shaping": ({"light_effects": {"shaping"}}, {"light shaping": "/lamp"}),

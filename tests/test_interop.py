@@ -71,7 +71,7 @@ def test_torch_writes_points_and_normals_in_place():
 
 @pytest.mark.parametrize("library", ["torch", "jax"])
 def test_poses_are_taken_over(library):
-    read, place = reader(library)
+    read, _ = reader(library)
     rows = read(np.array([(0, 0, 1.25, 0, 0, 0, 1)], np.float32))
     scene = quad_scene()
     renderer = aovs(scene)

@@ -9,8 +9,8 @@ PACKAGE = Path(warprender.__file__).parent
 
 #: Files and folders of the package by level.
 LEVELS = (
-    {"numerics", "sampling", "color", "launch", "watched", "errors", "given"},
-    {"records", "images", "denoise", "shutter", "picture_settings", "stopping"},
+    {"numerics", "sampling", "nets", "color", "launch", "watched", "errors", "given"},
+    {"records", "images", "denoise", "shutter", "picture_settings", "stopping", "filters", "noise"},
     {"texels", "textures", "texture_lookup"},
     {"materials", "lights", "shapes", "camera", "outputs", "bodies", "lenses"},
     {"scene", "placement", "scene_arguments", "scene_shapes", "material_tables"},

@@ -486,6 +486,39 @@ def test_transforms_on_the_host_are_assigned_not_written():
     assert_same(values(renderer), values(aovs(bodies(POSES))))
 
 
+def test_a_prim_may_have_more_copies_or_none():
+    scene = bodies()
+    renderer = aovs(scene, size=16)
+    matrices = [wr.scene.pose_matrix([x, 1, 1, 0, 0, 0, 1], "") for x in (-1, 1)]
+    for given in (matrices, np.zeros((0, 4, 4)), matrices[0]):
+        scene.placements["/cube"].transforms = given
+        renderer.update()
+        assert_same(values(renderer), values(aovs(scene, size=16)))
+        assert (values(renderer)["primId"] == 3).any() == (len(given) > 0)
+
+
+@pytest.mark.parametrize("given", ["x", None, np.zeros((2, 3)), [1.0]])
+def test_transforms_that_are_no_matrices_are_named(given):
+    with pytest.raises(wr.SceneError, match=r"/cube: its transforms are .*, not"):
+        bodies().placements["/cube"].transforms = given
+
+
+def test_a_material_that_is_gone_is_named():
+    scene = bodies()
+    renderer = aovs(scene, size=16)
+    scene.placements["/ball"].material = "/gone"
+    with pytest.raises(wr.SceneError, match="/ball: there is no material /gone"):
+        renderer.update()
+
+
+def test_visibility_that_does_not_go_with_the_copies_is_named():
+    scene = bodies()
+    renderer = aovs(scene, size=16)
+    scene.placements["/ball"].visible = np.array([True, False])
+    with pytest.raises(wr.SceneError, match=r"/ball: visible has the shape \(2,\), but there are 1 transforms"):
+        renderer.update()
+
+
 def test_lights_and_materials_change_to_the_bit():
     def change(scene):
         scene.lights["/lamp"].intensity = 5.0

@@ -5,9 +5,10 @@ import pytest
 import warp as wp
 from chance import SIGMAS, chi_square
 
-from warprender.film import FILTERS, filter_offset, filter_table
+from warprender.filters import FILTERS, filter_offset, filter_table
 from warprender.numerics import from_frame, next_up, tangent_of, to_frame
 from warprender.sampling import (
+    REPLICATES,
     cosine_hemisphere,
     one_minus_cos,
     power_heuristic,
@@ -220,9 +221,9 @@ def test_the_next_float_is_numpys():
 
 @pytest.mark.parametrize("count", [16, 64, 256])
 def test_each_replicate_of_the_sobol_points_puts_one_point_in_every_elementary_box(count):
-    pixels = 8
-    points = pairs(seed=3, samples=4 * count, bounce=1, dimension=2, n=pixels * 4 * count, sobol=1)
-    nets = points.reshape(pixels, count, 4, 2).swapaxes(1, 2).reshape(-1, count, 2).astype(np.float64)
+    pixels, turns = 8, int(REPLICATES)
+    points = pairs(seed=3, samples=turns * count, bounce=1, dimension=2, n=pixels * turns * count, sobol=1)
+    nets = points.reshape(pixels, count, turns, 2).swapaxes(1, 2).reshape(-1, count, 2).astype(np.float64)
     for columns in 2 ** np.arange(int(np.log2(count)) + 1):
         box = np.floor(nets[..., 0] * columns) * (count // columns) + np.floor(nets[..., 1] * (count // columns))
         assert (np.sort(box, 1) == np.arange(count)).all()

@@ -62,7 +62,7 @@ def test_terms_of_a_closed_box_of_mirrors_are_exact(transport):
     # Each wall emits e and mirrors ρ of what it gets at every angle: e ρ^n after n reflections, without noise.
     scene, view = mirror_box(tuple(ALBEDO), tuple(EMISSION))
     options = {"camera_light": "off", "transport": transport, "bounces": 6}
-    frame = wr.render(scene, camera=view, resolution=(8, 8), outputs=names(4), samples=4, **options)
+    frame = prepare(scene, view, 8, outputs=names(4), **options).render(samples=4)
     for n, term in enumerate(terms_of(frame, 4)):
         np.testing.assert_allclose(term, np.broadcast_to(EMISSION * ALBEDO**n, term.shape), rtol=1e-5)
 
@@ -89,7 +89,7 @@ def test_terms_sum_to_color(transport):
     options = {"transport": transport, "lights_visible": True}
     if transport in ("path", "whitted"):
         options["bounces"] = 6
-    renderer = wr.Renderer(scene, view, (24, 24), ("color", *names(10)), **options)
+    renderer = prepare(scene, view, 24, outputs=("color", *names(10)), **options)
     frame = renderer.render(samples=8)
     color, terms = frame.numpy("color")[..., :3].astype(np.float64), terms_of(frame, 10)
     np.testing.assert_allclose(terms.sum(0), color, rtol=FLOAT32, atol=1e-7)
@@ -114,8 +114,8 @@ def test_transports_agree_on_the_first_terms():
     scene.add_light(wr.SphereLight(radius=0.4, intensity=9.0), pose=(1.5, 1.5, 1, 0, 0, 0, 1))
     found = {}
     for transport in ("path", "direct"):
-        options = {"transport": transport, "lights_visible": True, "sampler": "independent", "visibility": "rays"}
-        renderer = wr.Renderer(scene, view, (16, 16), ("color", *names(2)), **options)
+        options = {"transport": transport, "lights_visible": True, "visibility": "rays"}
+        renderer = prepare(scene, view, 16, outputs=("color", *names(2)), **options)
         frames = [renderer.render(samples=64, seed=seed) for seed in range(4)]
         found[transport] = np.stack([terms_of(frame, 2) for frame in frames])
     np.testing.assert_array_equal(found["path"][:, 0], found["direct"][:, 0])
@@ -156,7 +156,7 @@ def test_light_through_clear_surfaces_keeps_its_term():
     scene.add_mesh("/wall", *scenes.quad(4.0, -1.0), material=glow)
     pane = wr.PreviewSurface(diffuseColor=(0, 0, 0), opacity=0.3, ior=1.0)
     scene.add_mesh("/pane", *scenes.quad(4.0), material=pane)
-    frame = wr.render(scene, camera=scenes.window(2.0), resolution=(16, 16), outputs=names(3), samples=256)
+    frame = prepare(scene, scenes.window(2.0), 16, outputs=names(3)).render(samples=256)
     seen, once, _ = terms_of(frame, 3)
     assert abs(seen.mean() - 0.7) < 4.5 * np.sqrt(0.21 / (256 * 256))
     # What the pane reflects of the wall's own dim reflection: Schlick's weight at 0° is rounding.
@@ -165,8 +165,7 @@ def test_light_through_clear_surfaces_keeps_its_term():
 
 def test_cornell_box():
     scene = wr.load("scenes_usd/cornell_box.usda")
-    view = {"resolution": (24, 24), "lights_visible": True, "samples": 16}
-    frame = wr.render(scene, outputs=("color", *names(9)), bounces=7, **view)
+    frame = prepare(scene, None, 24, outputs=("color", *names(9)), bounces=7, lights_visible=True).render(samples=16)
     color, terms = frame.numpy("color")[..., :3].astype(np.float64), terms_of(frame, 9)
     np.testing.assert_allclose(terms.sum(0), color, rtol=FLOAT32, atol=1e-7)
     energy = terms[1:].mean((1, 2, 3))
@@ -175,7 +174,7 @@ def test_cornell_box():
 
 def test_terms_go_into_exr_and_resumed_passes(tmp_path):
     scene, view = grey_box((0.5,) * 3, (1.0,) * 3)
-    frame = wr.render(scene, camera=view, resolution=(8, 8), outputs=("color", "color:0", "color:1"), samples=4)
+    frame = prepare(scene, view, 8, outputs=("color", "color:0", "color:1")).render(samples=4)
     frame.save(tmp_path / "terms.exr")
     layers, _ = images.read(tmp_path / "terms.exr")
     assert set(layers) == {"color", "color:0", "color:1"}
@@ -184,7 +183,7 @@ def test_terms_go_into_exr_and_resumed_passes(tmp_path):
 
 def test_a_dropped_sample_is_in_no_term():
     scene, view = mirror_box((0.5,) * 3, (2e38,) * 3, size=0.1)
-    frame = wr.render(scene, camera=view, resolution=(8, 8), outputs=("color", *names(2)), samples=4)
+    frame = prepare(scene, view, 8, outputs=("color", *names(2))).render(samples=4)
     assert frame.stats["dropped samples"] > 0
     assert np.isfinite(terms_of(frame, 2)).all()
 

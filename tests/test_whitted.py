@@ -135,3 +135,29 @@ def test_a_plans_own_kernel_is_the_one_with_every_effect():
     np.testing.assert_array_equal(own.numpy("color"), general.numpy("color"))
     assert own.stats["rays"] == general.stats["rays"]
     assert own.stats["plan"]["bounds"] == {"bounces": 8}
+
+
+def nested_glass():
+    """Three spheres of glass in each other about a mirror, in a white furnace: each point reads 1 in the end."""
+    scene = wr.Scene()
+    for number, radius in enumerate((1.0, 0.8, 0.6)):
+        scene.add_sphere(f"/glass{number}", radius, material=wr.Dielectric())
+    mirror = wr.PreviewSurface(metallic=1.0, roughness=0.0, diffuseColor=scenes.WHITE)
+    scene.add_sphere("/mirror", 0.3, material=mirror)
+    scene.add_light(wr.DomeLight())
+    return scene, scenes.window(0.4)
+
+
+def test_more_bounces_bring_more_light_and_no_more_rays_than_can_be_followed():
+    """2^100 rays would end in darkness: those that weigh something must come first, and all of them."""
+    scene, view = nested_glass()
+    means, cut = [], []
+    for bounces in (2, 8, 30, 100):
+        frame = prepare(scene, view, 6, transport="whitted", bounces=bounces).render(samples=1)
+        means.append(frame.numpy("color")[..., :3].mean())
+        cut.append(frame.stats["unfollowed rays"] / 36)
+        assert frame.stats["rays"]["bounce"] / 36 < 4096
+    assert means[0] < means[1] < means[2] <= means[3] <= 1.0 + 1e-5
+    # What is cut weighs 1e-4 at most, and radiance is 1.
+    assert means[3] > 1.0 - 1e-4 * cut[3] - 1e-3
+    assert cut[0] == cut[1] == 0.0

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .film import LIT, REPLICATES, Film
+from .film import Film
+from .noise import LIT
+from .sampling import PARTS
 
 #: Samples a pixel of the pilot pass.
 PILOT = 16
@@ -81,10 +83,10 @@ def _others(values: np.ndarray, axis: int) -> np.ndarray:
 
 
 def _pilot(film: Film) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Variance and mean of luminance, and rays, of a sample, from the spread of the replicates."""
-    sums, count = film.replicate_sums()
+    """Variance and mean of luminance, and rays, of a sample, from the spread of the parts."""
+    sums, count = film.parts()
     mean = sums.sum(-1) / np.maximum(count.sum(-1), 1.0)
-    replicates = np.divide(sums, count, out=np.zeros(sums.shape), where=count > 0)
-    variance = (count * (replicates - mean[..., None]) ** 2).sum(-1) / (REPLICATES - 1)
+    of_parts = np.divide(sums, count, out=np.zeros(sums.shape), where=count > 0)
+    variance = (count * (of_parts - mean[..., None]) ** 2).sum(-1) / (int(PARTS) - 1)
     rays = film.record.rays.numpy().reshape(*mean.shape, 3).sum(-1, dtype=np.float64)
     return variance, mean, rays / PILOT

@@ -1,8 +1,9 @@
 """The bodies of a scene: what poses on a device move, by number."""
 
-from __future__ import annotations
+# Without `from __future__ import annotations`: Warp reads the types of a kernel that a factory makes as they are.
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -48,8 +49,8 @@ class Bodies:
     def store(self, ids: wp.array, poses: wp.array) -> None:
         """Keep poses (N,) of `wp.transformf` or `wp.transformd` for the bodies with these numbers (N,)."""
         self._make_room(poses.device)
-        kernel = _store_single if poses.dtype == wp.transformf else _store_double
-        launch(kernel, len(ids), [ids, poses, self.poses, self.posed], poses.device, smallest_chunk=_CHUNK)
+        arguments = [ids, poses, self.poses, self.posed]
+        launch(store_kernel(poses.dtype), len(ids), arguments, poses.device, smallest_chunk=_CHUNK)
         self.steps += 1
 
     def on(self, device: str | wp.Device) -> tuple[wp.array, wp.array]:
@@ -70,38 +71,47 @@ class Bodies:
             wp.copy(self.posed, posed, count=len(posed))
 
 
-@wp.kernel(enable_backward=False, module="unique")
-def _store_single(
-    first: wp.int32,
-    ids: wp.array(dtype=wp.int32),
-    poses: wp.array(dtype=wp.transformf),
-    stored: wp.array(dtype=wp.transformd),
-    posed: wp.array(dtype=wp.int32),
-):
-    i = first + wp.tid()
-    body = ids[i]
-    if body >= 0 and body < stored.shape[0]:
-        p = poses[i]
-        stored[body] = wp.transformd(
+@cache
+def wide_pose_function(pose_type: type) -> wp.Function:
+    """`wide_pose(pose) -> wp.transformd` of a `wp.transformf` or `wp.transformd`."""
+    if pose_type == wp.transformd:
+
+        @wp.func
+        def same_pose(pose: wp.transformd) -> wp.transformd:
+            return pose
+
+        return same_pose
+
+    @wp.func
+    def wide_pose(p: wp.transformf) -> wp.transformd:
+        return wp.transformd(
             wp.vec3d(wp.float64(p[0]), wp.float64(p[1]), wp.float64(p[2])),
             wp.quatd(wp.float64(p[3]), wp.float64(p[4]), wp.float64(p[5]), wp.float64(p[6])),
         )
-        posed[body] = 1
+
+    return wide_pose
 
 
-@wp.kernel(enable_backward=False, module="unique")
-def _store_double(
-    first: wp.int32,
-    ids: wp.array(dtype=wp.int32),
-    poses: wp.array(dtype=wp.transformd),
-    stored: wp.array(dtype=wp.transformd),
-    posed: wp.array(dtype=wp.int32),
-):
-    i = first + wp.tid()
-    body = ids[i]
-    if body >= 0 and body < stored.shape[0]:
-        stored[body] = poses[i]
-        posed[body] = 1
+@cache
+def store_kernel(pose_type: type) -> wp.Kernel:
+    """Poses of `wp.transformf` or `wp.transformd` for the bodies with these numbers."""
+    wide_pose = wide_pose_function(pose_type)
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def store_poses(
+        first: wp.int32,
+        ids: wp.array(dtype=wp.int32),
+        poses: wp.array(dtype=pose_type),
+        stored: wp.array(dtype=wp.transformd),
+        posed: wp.array(dtype=wp.int32),
+    ):
+        i = first + wp.tid()
+        body = ids[i]
+        if body >= 0 and body < stored.shape[0]:
+            stored[body] = wide_pose(poses[i])
+            posed[body] = 1
+
+    return store_poses
 
 
 def pose_array(poses: object, device: str | None = None) -> wp.array:

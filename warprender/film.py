@@ -1,25 +1,20 @@
-"""The film: sums over samples, what they say of their own error, and the filter that spreads samples over pixels.
+"""The film: sums over samples, and what they say of their own error.
 
 Sums are float64 and in the order of the samples, so 64 samples at once or in four goes give the same bits.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 import warp as wp
 
+from .filters import filter_table
 from .launch import launch
+from .noise import Stated, frame_error, part_counts, relative_error
 from .outputs import FILM_OUTPUTS
-from .sampling import REPLICATES
-
-#: Straight pieces of the tables that turn uniform numbers into filter offsets; the tails of a Gaussian need many.
-_TABLE = 2048
-#: Steps of the R2 sequence: 1/g and 1/g² with g³ = g + 1 (Roberts 2018).
-_R2 = 1.3247179572447460 ** np.array([-1.0, -2.0])
-#: Luminance from which on a pixel is lit.
-LIT = 1e-3
 
 
 @wp.struct
@@ -36,7 +31,7 @@ class Terms:
 
 @wp.struct
 class FilmRecord:
-    """Per pixel (H, W): sums of radiance and alpha, of squared radiance, of each replicate's luminance, and counts.
+    """Per pixel (H, W): sums of radiance and alpha, of squared radiance, of luminance by part, and counts.
 
     `rays` counts camera, bounce and shadow rays; `dropped` the samples that were not finite; `unfollowed` the
     rays that there was no room for.
@@ -44,7 +39,7 @@ class FilmRecord:
 
     sums: wp.array2d(dtype=wp.vec4d)
     squares: wp.array2d(dtype=wp.vec3d)
-    replicates: wp.array2d(dtype=wp.vec4d)
+    parts: wp.array2d(dtype=wp.vec4d)
     samples: wp.array2d(dtype=wp.int32)
     dropped: wp.array2d(dtype=wp.int32)
     rays: wp.array2d(dtype=wp.vec3i)
@@ -80,50 +75,6 @@ def end_sample(terms: Terms, pixel: int, finite: bool):
         terms.sample[row, pixel] = wp.vec3(0.0, 0.0, 0.0)
 
 
-FILTERS = ("box", "triangle", "gaussian")
-
-
-def filter_table(name: str) -> np.ndarray:
-    """Inverse distribution of a reconstruction filter along one axis: (2049,) float32 offsets in pixels.
-
-    "box" is one pixel wide, a sensor's own average; "triangle" and "gaussian" (σ = 0.5) reach 1 and 1.5 pixels.
-    """
-    if name not in FILTERS:
-        raise ValueError(f"filter {name!r} is not one of {', '.join(FILTERS)}")
-    radius = {"box": 0.5, "triangle": 1.0, "gaussian": 1.5}[name]
-    x = np.linspace(-radius, radius, 16 * _TABLE + 1)
-    density = {
-        "box": np.ones_like(x),
-        "triangle": 1.0 - np.abs(x),
-        "gaussian": np.exp(-2.0 * x * x) - np.exp(-2.0 * radius * radius),
-    }[name]
-    distribution = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
-    return np.interp(np.linspace(0, 1, _TABLE + 1), distribution / distribution[-1], x).astype(np.float32)
-
-
-@wp.func
-def filter_offset(table: wp.array(dtype=wp.float32), u: float) -> float:
-    """Offset from the pixel's centre, distributed as the filter."""
-    position = u * wp.float32(wp.static(_TABLE))
-    cell = wp.min(wp.int32(position), wp.static(_TABLE - 1))
-    a = table[cell]
-    return a + (table[cell + 1] - a) * (position - wp.float32(cell))
-
-
-def pixel_offset(table: np.ndarray, seed: int, sample: int) -> tuple[float, float]:
-    """Offset in pixels from all pixels' centres of a rasterized sample, distributed as the filter with this table.
-
-    `REPLICATES` sequences take turns, as for rays, each Roberts' R2 with a shift that depends on the seed; the first
-    begins at the centre.
-    """
-    shift = np.random.default_rng((seed & 0xFFFFFFFF, sample % REPLICATES)).random(2)
-    if sample % REPLICATES == 0:
-        shift = np.array([0.5, 0.5])
-    u = (shift + sample // REPLICATES * _R2) % 1.0
-    x, y = np.interp(u, np.linspace(0.0, 1.0, len(table)), table)
-    return float(x), float(y)
-
-
 class Film:
     """Accumulates samples on a device; resumable."""
 
@@ -134,7 +85,7 @@ class Film:
         self.record = FilmRecord()
         self.record.sums = wp.zeros(shape, dtype=wp.vec4d, device=device)
         self.record.squares = wp.zeros(shape, dtype=wp.vec3d, device=device)
-        self.record.replicates = wp.zeros(shape, dtype=wp.vec4d, device=device)
+        self.record.parts = wp.zeros(shape, dtype=wp.vec4d, device=device)
         self.record.samples = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.dropped = wp.zeros(shape, dtype=wp.int32, device=device)
         self.record.rays = wp.zeros(shape, dtype=wp.vec3i, device=device)
@@ -148,7 +99,7 @@ class Film:
     def clear(self) -> None:
         """Forget all samples."""
         film = self.record
-        for array in (film.sums, film.squares, film.replicates, film.samples, film.dropped, film.rays, film.unfollowed):
+        for array in (film.sums, film.squares, film.parts, film.samples, film.dropped, film.rays, film.unfollowed):
             array.zero_()
         self.terms.sums.zero_()
         self.terms.sample.zero_()
@@ -193,53 +144,33 @@ class Film:
         mean = sums / np.maximum(self.record.samples.numpy(), 1)[..., None]
         return wp.array((mean * exposure).astype(np.float32), dtype=wp.vec3, device=self.device)
 
-    def relative_error(self) -> float:
-        """Relative RMS standard error of the frame's luminance over lit pixels, those above 1e-3; inf below 4 samples.
+    def relative_error(self) -> Stated:
+        """Relative RMS standard error of the frame's luminance over lit pixels: see `noise.relative_error`."""
+        return relative_error(*self.parts())
 
-        From the spread of the replicates: three degrees of freedom a pixel, pooled over the frame. Variance over
-        squared mean is too small on average, because pixels that missed bright samples have both too low: the
-        jackknife over the replicates takes that bias off to first order (Quenouille 1956).
-        """
-        sums, count = self.replicate_sums()
-        if (count < 1).any():
-            return np.inf
-        mean = sums.sum(-1) / count.sum(-1)
-        lit = mean > LIT
-        if not lit.any():
-            return 0.0
-        sums, count, mean = sums[lit], count[lit], mean[lit]
-        whole = _relative_variance(sums, count)
-        others = [[i for i in range(REPLICATES) if i != left_out] for left_out in range(REPLICATES)]
-        parts = [_relative_variance(sums[:, kept], count[:, kept]) for kept in others]
-        # A part without light says nothing of the pixel.
-        sound = np.isfinite(parts).all(0)
-        corrected = REPLICATES * whole - (REPLICATES - 1) * np.mean(parts, axis=0)
-        squared = np.mean(np.where(sound, corrected, whole))
-        return float(np.sqrt(squared if squared > 0.0 else np.mean(whole)))
+    def frame_error(self) -> Stated:
+        """RMS standard error of luminance over lit pixels, over its RMS: see `noise.frame_error`."""
+        return frame_error(*self.parts())
 
-    def frame_error(self) -> float:
-        """RMS standard error of luminance over lit pixels, over the RMS of their luminance; inf below 4 samples.
+    def parts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of luminance and numbers of samples of each part, (H, W, PARTS) float64: those of `part_counts`."""
+        kept, dropped = (array.numpy().astype(np.int64) for array in (self.record.samples, self.record.dropped))
+        taken = kept + dropped
+        count = part_counts(taken) * (kept / np.maximum(taken, 1))[..., None]
+        return self.record.parts.numpy(), count
 
-        The same as `relative_error` for a picture of one brightness. Elsewhere bright pixels count for more, and
-        single pixels that are nearly black for nothing: it is the steadier figure.
-        """
-        sums, count = self.replicate_sums()
-        if (count < 1).any():
-            return np.inf
-        mean = sums.sum(-1) / count.sum(-1)
-        lit = mean > LIT
-        if not lit.any():
-            return 0.0
-        squares = mean[lit] ** 2
-        variance = (_relative_variance(sums[lit], count[lit]) * squares).sum()
-        # The square of a noisy mean is too large by its variance; half of it is left where there is little else.
-        return float(np.sqrt(variance / max(squares.sum() - variance, squares.sum() / 2)))
-
-    def replicate_sums(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sums of luminance and samples of each replicate, (H, W, 4) float64."""
-        n = self.record.samples.numpy().astype(np.float64)[..., None]
-        count = np.floor((n + REPLICATES - 1 - np.arange(REPLICATES)) / REPLICATES)
-        return self.record.replicates.numpy(), count
+    def facts(self) -> dict[str, Callable[[], object]]:
+        """What a frame's statistics say of the film, by name, each worked out when it is called for."""
+        relative, of_frame = cache(self.relative_error), cache(self.frame_error)
+        return {
+            "rays": self.ray_counts,
+            "error": lambda: relative().error,
+            "error within": lambda: relative().within,
+            "frame error": lambda: of_frame().error,
+            "frame error within": lambda: of_frame().within,
+            "dropped samples": self.dropped_samples,
+            "unfollowed rays": self.unfollowed_rays,
+        }
 
     def ray_counts(self) -> dict[str, int]:
         """Rays traced so far, by kind."""
@@ -253,19 +184,6 @@ class Film:
     def dropped_samples(self) -> int:
         """Samples that were not finite and are in no pixel."""
         return int(self.record.dropped.numpy().sum(dtype=np.int64))
-
-
-def _relative_variance(sums: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Variance of a pixel's mean of four replicates over that mean squared, from these (N, R); inf for unlit ones.
-
-    With fewer than four it is that of a pixel of as many samples each.
-    """
-    total, n = sums.sum(-1), count.sum(-1)
-    mean = total / n
-    variance = (count / n[:, None] * (sums / count - mean[:, None]) ** 2).sum(-1) / (sums.shape[-1] - 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = variance * (sums.shape[-1] / REPLICATES) / mean**2
-    return np.where(mean > LIT / 4, relative, np.inf)
 
 
 @cache

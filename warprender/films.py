@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import weakref
 
-from .film import FILTERS, Film
+from .film import Film
+from .filters import FILTERS
 from .frame import Stats
 
 

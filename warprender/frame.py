@@ -79,9 +79,10 @@ class Frame:
             is vec4 float32: linear Rec.709, premultiplied by alpha. The others are float32, int32 or vec3, as
             `warprender.outputs.OUTPUTS` says; a vector array becomes (H, W, C) in other libraries.
         stats: what the render took: "seconds" by stage, "samples" a pixel, "interrupted", "plan", "warnings";
-            with color also "rays" by kind, "error" (relative RMS standard error of luminance; inf below 4
-            samples), "frame error" (RMS standard error over RMS luminance) and "dropped samples" (those that were
-            not finite).
+            with color also "rays" by kind, "error" (RMS over lit pixels of luminance's standard error over its mean;
+            inf below 4 samples), "frame error" (RMS standard error over RMS luminance), "error within" and "frame
+            error within" (the share of each within which the true error lies in 95 of 100 frames) and "dropped
+            samples" (those that were not finite).
         data_window: where the pixels lie in the picture that the render settings describe, None for all of it. EXR
             keeps it as data and display window.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .plan import OutputsKey, PathKey
 from .records import CameraRecord
 from .upload import Upload
-from .visibility.first_hits import RasterHits, RayHits
+from .visibility.first_hits import FirstHits, RasterHits, RayHits
 
 
 class HitFinders:
@@ -14,11 +14,11 @@ class HitFinders:
     def __init__(self, device: str) -> None:
         """None yet."""
         self._device = device
-        self._known: dict[str, tuple[tuple, RayHits | RasterHits]] = {}
+        self._known: dict[str, tuple[tuple, FirstHits]] = {}
 
     def get(
         self, use: str, visibility: str, key: PathKey | OutputsKey, upload: Upload, camera: CameraRecord
-    ) -> RayHits | RasterHits:
+    ) -> FirstHits:
         """The one for a use, by "rays", "raster" or "painter", which sees the scene and the camera as they are now."""
         kind = upload, visibility, key.camera, key.sdfs
         known = self._known.get(use)
@@ -28,9 +28,7 @@ class HitFinders:
         self._known[use] = kind, self._new(visibility, key, upload, camera)
         return self._known[use][1]
 
-    def _new(
-        self, visibility: str, key: PathKey | OutputsKey, upload: Upload, camera: CameraRecord
-    ) -> RayHits | RasterHits:
+    def _new(self, visibility: str, key: PathKey | OutputsKey, upload: Upload, camera: CameraRecord) -> FirstHits:
         if visibility == "rays":
             return RayHits(upload.record, camera, key.camera, self._device, key.sdfs)
         painter, boxes = visibility == "painter", upload.world.boxes

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +70,7 @@ def launch(
 
     # The module loads here and once: Warp's loader is not made for several threads. CPU launches have block size 1.
     kernel.module.load(device, 1)
-    list(_pool(threads).map(run, range(0, count, chunk)))
+    _spread([partial(run, first) for first in range(0, count, chunk)], threads)
 
 
 def launch_pixels(
@@ -99,7 +99,7 @@ def launch_pixels(
 
 
 class RecordedLaunch:
-    """A launch over pixels as `launch_pixels` makes it, prepared once.
+    """A launch as `launch` makes it, prepared once.
 
     Structs among its arguments are read when it runs: what their fields hold by then counts. They must outlive it.
     """
@@ -107,29 +107,69 @@ class RecordedLaunch:
     def __init__(
         self,
         kernel: wp.Kernel,
+        count: int,
+        arguments: Sequence,
+        device: str | wp.Device,
+        threads: int | None = None,
+        smallest_chunk: int = _SMALLEST_CHUNK,
+    ) -> None:
+        """Load the kernel and record; arguments as of `launch`."""
+        device = wp.get_device(device)
+        self._threads = thread_count(threads) if device.is_cpu else 1
+        chunk = max(_chunk(count, self._threads, smallest_chunk), 1)
+        self._launches = [
+            wp.launch(kernel, min(chunk, count - first), [first, *arguments], device=device, record_cmd=True)
+            for first in range(0, count, chunk)
+        ]
+        self._runs = [launch.launch for launch in self._launches]
+
+    @classmethod
+    def of_pixels(
+        cls,
+        kernel: wp.Kernel,
         width: int,
         height: int,
         arguments: Sequence,
         device: str | wp.Device,
         threads: int | None = None,
-    ) -> None:
-        """Load the kernel and record; arguments as of `launch_pixels`."""
-        device = wp.get_device(device)
+    ) -> RecordedLaunch:
+        """A launch as `launch_pixels` makes it."""
         columns, smallest = _columns(width, device)
-        count = width * height // columns
-        self._threads = thread_count(threads) if device.is_cpu else 1
-        chunk = _chunk(count, self._threads, smallest)
-        self._launches = [
-            wp.launch(kernel, min(chunk, count - first), [first, columns, *arguments], device=device, record_cmd=True)
-            for first in range(0, count, chunk)
-        ]
+        return cls(kernel, width * height // columns, [columns, *arguments], device, threads, smallest)
+
+    def replace(self, number: int, argument: wp.array) -> None:
+        """Take another array of the same type for `arguments[number]` of the constructor from now on."""
+        for launch in self._launches:
+            launch.set_param_at_index(number + 1, argument)
 
     def run(self) -> None:
         """Run, and return when it is done (CPU) or queued (CUDA)."""
-        if len(self._launches) == 1:
-            self._launches[0].launch()
+        if len(self._runs) == 1:
+            self._runs[0]()
         else:
-            list(_pool(self._threads).map(wp.Launch.launch, self._launches))
+            _spread(self._runs, self._threads)
+
+
+def _spread(runs: list[Callable[[], None]], threads: int) -> None:
+    """Run all, each on the thread that is free first. This thread works too: to wake another costs as much as a chunk.
+
+    The threads take turns at one iterator, which the GIL makes safe.
+    """
+    waiting = iter(runs)
+
+    def work() -> None:
+        for run in waiting:
+            run()
+
+    others = [_pool(threads).submit(work) for _ in range(min(threads, len(runs)) - 1)]
+    try:
+        work()
+    finally:
+        # After an error or an interruption nothing more is begun.
+        for _ in waiting:
+            pass
+        for other in others:
+            other.result()
 
 
 def _columns(width: int, device: str | wp.Device) -> tuple[int, int]:

@@ -175,7 +175,9 @@ class LiveScene:
             hung = posed_transforms(self._scene, self._light_transforms())
             if hung.keys() != self._hung.keys() or any((hung[path] != self._hung[path]).any() for path in hung):
                 return True
-        return lights.weighs_by_radius and (stepped or deformed) and scene_radius(world.boxes()) != lights.radius
+        # On CUDA the size stays that of the upload: to ask for it is to wait for the device.
+        weighs = lights.weighs_by_radius and world.device.is_cpu
+        return weighs and (stepped or deformed) and scene_radius(world.boxes()) != lights.radius
 
     def _standing(self, eye: np.ndarray) -> dict[str, Light]:
         """The lights that emit where poses have put them, and the camera's light at the camera."""
@@ -219,6 +221,7 @@ class SharedScene:
         self.live = LiveScene(scene, device, eye, camera_light, sdfs, texture_bytes)
         self.plans = 0
         self._placed = scene.bodies.steps
+        self._reflecting: tuple[DeviceScene | None, bool, bool] = None, False, False
 
     @classmethod
     def of(cls, scene: Scene, device: str, eye: np.ndarray, camera_light: bool, *arguments: object) -> SharedScene:
@@ -227,6 +230,13 @@ class SharedScene:
         if key not in scene.live:
             scene.live[key] = cls(scene, device, eye, camera_light, *arguments)
         return scene.live[key]
+
+    def reflect(self, compensated: bool, light_by_light: bool) -> None:
+        """Set how surfaces reflect in what is drawn next: `DeviceScene.energy_compensation`, `local_reflection`."""
+        record = self.live.record
+        if (record, compensated, light_by_light) != self._reflecting:
+            self._reflecting = record, compensated, light_by_light
+            record.energy_compensation, record.local_reflection = int(compensated), int(light_by_light)
 
     def follow(self, refit: bool) -> None:
         """See what has changed; meshes that a simulation writes only with `refit`.

@@ -28,8 +28,8 @@ GAMMA_5 = wp.constant(wp.float32(gamma(5)))
 GAMMA_7 = wp.constant(wp.float32(gamma(7)))
 
 #: Below this squared length a direction's components are so close to float32's underflow that its length is lost.
-TINY_SQUARED = wp.constant(wp.float32(1.0e-30))
-HUGE_SQUARED = wp.constant(wp.float32(1.0e30))
+_TINY_SQUARED = wp.constant(wp.float32(1.0e-30))
+_HUGE_SQUARED = wp.constant(wp.float32(1.0e30))
 
 
 @wp.func
@@ -64,7 +64,7 @@ def safe_normalize(v: wp.vec3) -> wp.vec3:
     `wp.normalize` underflows to zero below lengths of 1e-23 and overflows above 1e19.
     """
     squared = wp.dot(v, v)
-    if squared > TINY_SQUARED and squared < HUGE_SQUARED:
+    if squared > _TINY_SQUARED and squared < _HUGE_SQUARED:
         return v / wp.sqrt(squared)
     largest = max_component(wp.abs(v))
     if not is_finite(v) or largest == 0.0:
@@ -124,21 +124,27 @@ def sphere_point(radius: wp.float32, p: wp.vec3):
 
 
 @wp.func
+def placed_point(to_world: mat34, p: wp.vec3) -> wp.vec3:
+    """A point of an instance in the world."""
+    q = wp.vec3()
+    for i in range(3):
+        q[i] = to_world[i, 3] + to_world[i, 0] * p[0] + to_world[i, 1] * p[1] + to_world[i, 2] * p[2]
+    return q
+
+
+@wp.func
 def place_point(to_world: mat34, to_object: mat34, p: wp.vec3, error: wp.vec3):
     """A point of an instance in the world, and the bound within which rays meet its surface there.
 
     Two transforms round: this one, which places the point (pbrt-v4 section 6.8.6), and the one that takes rays back
     to object space, whose matrix is itself a rounded inverse.
     """
-    q = wp.vec3()
+    q = placed_point(to_world, p)
     bound = wp.vec3()
     for i in range(3):
-        q[i] = to_world[i, 3]
         bound[i] = wp.abs(to_world[i, 3]) * GAMMA_3
         for j in range(3):
-            term = to_world[i, j] * p[j]
-            q[i] += term
-            bound[i] += wp.abs(term) * GAMMA_3 + wp.abs(to_world[i, j]) * error[j] * (1.0 + GAMMA_3)
+            bound[i] += wp.abs(to_world[i, j] * p[j]) * GAMMA_3 + wp.abs(to_world[i, j]) * error[j] * (1.0 + GAMMA_3)
     for j in range(3):
         back = wp.abs(to_object[j, 3])
         for k in range(3):

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .errors import SceneError
+from .given import plain_array, shown
 from .shapes import Mesh, Sdf, Sphere
 from .watched import Watched
 
@@ -34,9 +36,45 @@ class Placement(Watched):
     semantic: str = ""
 
     def __post_init__(self) -> None:
-        self.transforms = np.asarray(self.transforms, np.float64).reshape(-1, 4, 4)
         if self.instance_ids is None:
             self.instance_ids = np.full(len(self.transforms), -1, np.int32)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Assign; other `transforms` may be one matrix, or more or fewer, which are then numbered anew.
+
+        Raises:
+            SceneError: the transforms are no matrices.
+        """
+        if name == "transforms":
+            value = _matrices(self.path, value)
+            ids = self.__dict__.get("instance_ids")
+            if ids is not None and len(ids) != len(value):
+                numbered = len(ids) > 0 and bool((ids >= 0).all())
+                self.instance_ids = (
+                    np.arange(len(value), dtype=np.int32) if numbered else np.full(len(value), -1, np.int32)
+                )
+        super().__setattr__(name, value)
+
+    def fault(self) -> str:
+        """Which field does not go with the transforms, in a few words; "" where all do."""
+        count = len(self.transforms)
+        if isinstance(self.visible, bool) and len(self.instance_ids) == count:
+            return ""
+        for name, shapes in (("visible", ((), (count,))), ("instance_ids", ((count,),))):
+            if np.shape(getattr(self, name)) not in shapes:
+                return f"{name} has the shape {np.shape(getattr(self, name))}, but there are {count} transforms"
+        return ""
+
+
+def _matrices(path: str, values: object) -> np.ndarray:
+    """(K, 4, 4) float64 from one or several matrices."""
+    array = plain_array(values)
+    if array.shape == (0,):
+        return np.zeros((0, 4, 4))
+    if array.dtype.kind not in "fiu" or array.ndim not in (2, 3) or array.shape[-2:] != (4, 4):
+        raise SceneError(f"{path}: its transforms are {shown(values)}, not (K, 4, 4) numbers")
+    array = np.asarray(array, np.float64)
+    return array if array.ndim == 3 else array[None]
 
 
 def materials_of(placement: Placement) -> list[str]:

@@ -15,15 +15,15 @@ from .camera import Camera
 from .denoise import GUIDES, MISSING, available, denoised
 from .emitters import use_camera_light
 from .errors import SceneError
-from .film import filter_table, pixel_offset
 from .films import Films
+from .filters import filter_table, pixel_offset
 from .frame import Frame, Stats
 from .framing import checked_resolution, choose_data_window, choose_resolution
 from .given import is_number, shown
 from .hit_finders import HitFinders
 from .integrators import RADIANCE
 from .integrators.none import launch_outputs
-from .integrators.samples import PathRequest, launch_samples, samples_kernel
+from .integrators.samples import PathRequest, follow_bounds, launch_samples, path_request, samples_kernel
 from .launch import thread_count
 from .live import LiveScene
 from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, output_names, term_of, terms_of
@@ -181,7 +181,8 @@ class Renderer:
         Args:
             samples: a pixel; 64 when no limit is given. What is beyond a whole number is the share of the pixels, from
                 the top, that get one more.
-            error: relative RMS standard error of the frame over lit pixels (mean above 1e-3), as 0.01.
+            error: relative RMS standard error of the frame over lit pixels (mean above 1e-3), as 0.01: what
+                `stats["error"]` states.
             seconds: wall-clock time for colour samples after compiling; at least one sample is taken. The last one may
                 reach a part of the pixels alone, from the top: then `stats["samples"]` is no whole number.
             seed: another seed gives an independent picture; the same one gives the same bits on one machine.
@@ -322,7 +323,7 @@ class Renderer:
 
         film, allocation = self._films.last, None
         reports = None if progress is None else report
-        passes = Passes(limits, pixels, film.relative_error, reports, PILOT if adaptive else 0)
+        passes = Passes(limits, pixels, lambda: film.relative_error().error, reports, PILOT if adaptive else 0)
         try:
             for size in passes:
                 taken = passes.taken
@@ -340,20 +341,9 @@ class Renderer:
         return passes.taken, False
 
     def _path_request(self, seed: int) -> PathRequest:
-        request = PathRequest()
-        request.seed = int(seed) & 0xFFFFFFFF
-        request.sobol = int(self._sobol)
-        self._follow_bounds(request)
-        request.unfiltered = int(not self.request.filter_textures)
+        request = path_request(self.request, self.plan, seed, self._sobol)
         request.terms = self._films.last.terms
-        request.visible.lights = int(self.request.lights_visible)
-        request.visible.domes = int(self.request.dome_light_visible or self.request.lights_visible)
         return request
-
-    def _follow_bounds(self, request: PathRequest) -> None:
-        """What the plan's bounds say to the kernel, as they are now."""
-        request.bounces = int(self.plan.bounds["bounces"])
-        request.met = int(self.plan.bounds.get("lights can be hit", True))
 
     def _pass(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None = None) -> None:
         """Add samples to the first `pixels`, None for all."""
@@ -379,7 +369,7 @@ class Renderer:
         opens, closes = shutter
         for sample in range(first_sample, first_sample + samples):
             self._go_to(opens + (closes - opens) * shutter_share(request.seed, sample))
-            self._follow_bounds(request)
+            follow_bounds(request, self.plan)
             self._pass(request, sample, 1, pixels)
 
     def _launch(self, request: PathRequest, first_sample: int, samples: int, pixels: int | None) -> None:
@@ -411,9 +401,7 @@ class Renderer:
             outputs |= {n: film.output(n, exposure) for n in self.request.outputs if n in FILM_OUTPUTS}
             terms = {n: number for n in self.request.outputs if (number := term_of(n)) is not None}
             outputs |= {n: film.term(number, exposure) for n, number in terms.items()}
-            stats["rays"], stats["error"] = film.ray_counts, film.relative_error
-            stats["frame error"], stats["dropped samples"] = film.frame_error, film.dropped_samples
-            stats["unfollowed rays"] = film.unfollowed_rays
+            stats.update(film.facts())
             self._films.describe(stats)
         stats["texture bytes"] = self._live.upload.texture_bytes
         stats["plan"] = plan.as_dict

@@ -22,7 +22,9 @@ _DIMENSIONS_PER_BOUNCE = wp.constant(wp.int32(4))
 _GOLDEN = wp.constant(wp.uint64(0x9E3779B97F4A7C15))
 
 #: Independent sequences that a pixel's Sobol points come from.
-REPLICATES = wp.constant(4)
+REPLICATES = wp.constant(2)
+#: Sums of a pixel's samples that a film keeps apart: those of even number are of one sequence, the others of the other.
+PARTS = wp.constant(4)
 
 
 @wp.func

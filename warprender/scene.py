@@ -22,7 +22,7 @@ from .lights import Light
 from .materials import DisplayColor, Material
 from .materials.material import BaseMaterial
 from .picture_settings import PictureSettings, RenderProduct, RenderSettings
-from .placement import Placement, copies_of
+from .placement import Placement, copies_of, materials_of
 from .scene_arguments import check_described, pose_matrix
 from .scene_shapes import displaced_as, mesh_of, sdf_of, sphere_of
 from .shapes import Mesh, Sdf, Sphere
@@ -378,7 +378,7 @@ class Scene:
             raise SceneError(f"{path}: there is no such prim, or it has no copy {copy}")
 
     def check(self) -> None:
-        """Look at the fields of all materials and lights, which anything may have been assigned to.
+        """Look at what may have been assigned to materials and lights, and whether prims have their materials.
 
         Raises:
             SceneError: one cannot be drawn; the message names it and the field.
@@ -387,6 +387,10 @@ class Scene:
             check_described(key or "the scene's own material", material, BaseMaterial)
         for path, light in self.lights.items():
             check_described(path, light, Light)
+        for path, placement in self.placements.items():
+            for key in materials_of(placement):
+                if key not in self.materials:
+                    raise SceneError(f"{path}: there is no material {key} that a prim is bound to")
 
     def _claim(self, path: str) -> None:
         if not isinstance(path, str) or not path:

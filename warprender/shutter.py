@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from .nets import shuffled_net
 from .sampling import REPLICATES
 
 #: Different times in a frame, at most: further samples take the same ones in turn.
@@ -20,8 +21,7 @@ def shutter_share(seed: int, sample: int) -> float:
     """How much of the time that the shutter is open has gone by at a sample of all pixels: from 0 to below 1.
 
     Each replicate has times of its own, so that how far their means lie apart tells the error of the times too: the
-    first 2^k of a replicate's samples, up to 16, lie one in each of 2^k equal parts (van der Corput's sequence, with
-    scrambled digits and one random place in each sixteenth).
+    first 2^k of a replicate's samples, up to 32, lie one in each of 2^k equal parts.
     """
     shares = _replicate(seed & 0xFFFFFFFF, sample % int(REPLICATES))
     return shares[sample // int(REPLICATES) % _EACH]
@@ -31,7 +31,4 @@ def shutter_share(seed: int, sample: int) -> float:
 def _replicate(seed: int, replicate: int) -> tuple[float, ...]:
     """The times of one replicate in the order of its samples."""
     random = np.random.default_rng((seed, replicate, _STREAM))
-    digits = _EACH.bit_length() - 1
-    flips, places = int(random.integers(_EACH)), random.random(_EACH)
-    parts = [int(f"{number:0{digits}b}"[::-1], 2) ^ flips for number in range(_EACH)]
-    return tuple((part + float(places[part])) / _EACH for part in parts)
+    return tuple(shuffled_net(random, _EACH.bit_length() - 1)[:, 0].tolist())

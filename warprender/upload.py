@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from .attaching import Rig
+from .errors import SceneError
 from .lights import Light
 from .material_tables import MaterialTables
 from .materials.albedo import albedo_table
@@ -31,6 +32,7 @@ class Upload:
         world: the tree of the instances; its positions are relative to `origin`.
         rig: the bodies that instances hang on.
         lights: what was uploaded of the lights.
+        places: how often instances were placed.
         origin: (3,) float64 world position that positions on the device are relative to; a float32 value.
         texture_bytes: bytes that the pictures take.
         warnings: one line for each thing that could not be drawn.
@@ -56,7 +58,7 @@ class Upload:
         too, for fast rays.
         """
         self.device, self.origin = device, rounded_origin(origin)
-        self._scene, self._kept = scene, []
+        self._scene, self._kept, self.places = scene, [], 0
         self._keep_meshes = keep_meshes
         self._written: list[int] = []
         self._assignments = -1
@@ -105,6 +107,7 @@ class Upload:
         self.world.move_origin(self.origin)
         self.world.refit(sorted(changed))
         self.record.world = self.world.world
+        self.places += 1
 
     def place_at_rest(self) -> None:
         """Take over transforms and visibility of placements that are otherwise as they were; `place` then."""
@@ -201,10 +204,16 @@ class Upload:
         self.record.world = self.world.world
 
     def _at_rest(self) -> tuple[np.ndarray, np.ndarray]:
-        """Transforms at rest (I, 4, 4), read-only from now on, and which of them are shown (I,)."""
+        """Transforms at rest (I, 4, 4), read-only from now on, and which of them are shown (I,).
+
+        Raises:
+            SceneError: what says which are shown does not go with them.
+        """
         if not self._drawn:
             return np.zeros((0, 4, 4)), np.zeros(0, bool)
         for placement in self._drawn:
+            if fault := placement.fault():
+                raise SceneError(f"{placement.path}: {fault}")
             placement.transforms.flags.writeable = False
         transforms = np.concatenate([placement.transforms for placement in self._drawn])
         shown = np.concatenate([np.broadcast_to(p.visible, len(p.transforms)) for p in self._drawn])

@@ -72,7 +72,7 @@ class Part:
         """Have the normals follow the points from now on; whether the device's record became another one by that."""
         if self.normals is not None or not can_follow(self.shape):
             return False
-        self.normals = LiveNormals(self.shape, self.drawn, self.record.indices)
+        self.normals = LiveNormals(self.shape, self.drawn, self.record.indices.device)
         self.record.normals = self.normals.record
         return True
 

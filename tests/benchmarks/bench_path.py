@@ -165,6 +165,8 @@ def measure(name: str, options: argparse.Namespace) -> None:
             if isinstance(renderer, Mitsuba):
                 renderer.close()
     report(name, options, bounces, pictures, times)
+    if options.plot:
+        plot(name, options, bounces, pictures, times)
 
 
 def report(name, options, bounces, pictures, times) -> None:
@@ -194,6 +196,26 @@ def report(name, options, bounces, pictures, times) -> None:
     print(f"apart {difference:.5f}, noise {noise:.5f}", flush=True)
 
 
+def plot(name, options, bounces, pictures, times) -> None:
+    """Error over seconds of the processor, of both renderers, both axes logarithmic."""
+    from matplotlib.figure import Figure
+
+    dim = np.max([p for group in pictures.values() for p in group], axis=(0, 3)) < 1
+    figure = Figure(figsize=(5.6, 3.7), layout="constrained")
+    axes = figure.subplots()
+    for marker, key in zip("osD^", dict.fromkeys(key for key, _ in pictures), strict=True):
+        seconds = [np.median(times[key, n], axis=0)[0] for n in options.samples]
+        errors = [deviation(pictures[key, n], dim) for n in options.samples]
+        label, line = (key, "--") if key.startswith("Mitsuba") else (f"warprender {key}", "-")
+        axes.plot(seconds, errors, marker=marker, linestyle=line, label=label)
+    axes.set(xscale="log", yscale="log", xlabel="processor seconds", ylabel="standard deviation of a pixel")
+    samples = ", ".join(map(str, options.samples))
+    axes.set_title(f"{name}, {options.size} × {options.size}, {bounces} bounces, {samples} samples", fontsize=10)
+    axes.grid(True, which="both", alpha=0.2)
+    axes.legend(fontsize=8)
+    figure.savefig(options.plot, dpi=90)
+
+
 def main() -> None:
     """Every scene in turn."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -203,6 +225,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, nargs="+", default=[16, 64])
     parser.add_argument("--repeats", type=int, default=4)
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--plot", metavar="FILE.png", help="plot the last scene's error over time")
     options = parser.parse_args()
     for name in options.scenes or SCENES:
         measure(name, options)

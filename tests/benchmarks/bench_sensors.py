@@ -2,8 +2,8 @@
 
     python tests/benchmarks/bench_sensors.py PEERS [--reps 20]
 
-PEERS is a folder with `warp_rays.py`, whose `terrain` is the scene. Needs newton; ours takes two threads, theirs one by
-design. Ratios count: whatever else the machine does goes into all of them alike.
+PEERS is a folder with `warp_rays.py`, whose `terrain` is the scene. Needs newton and mujoco-warp; ours takes two
+threads, theirs one by design. Ratios count: whatever else the machine does goes into all of them alike.
 """
 
 import argparse
@@ -12,6 +12,8 @@ import pstats
 import sys
 import time
 
+import mujoco
+import mujoco_warp as mjw
 import newton
 import numpy as np
 import warp as wp
@@ -51,21 +53,56 @@ def theirs(model, size, views, shadows, worlds=None):
     return frame
 
 
-def compare(title, poses, candidates, reps):
-    """Median milliseconds of each, and of the first over the others, taken in turns."""
+def batch(places, size, shadows):
+    """MuJoCo Warp's batch renderer: worlds of spheres and boxes at `places` (W, B, 3), over a floor."""
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3, 3, 0.1], quat=[np.sqrt(0.5), -np.sqrt(0.5), 0, 0]
+    )
+    for body in range(places.shape[1]):
+        kind = mujoco.mjtGeom.mjGEOM_SPHERE if body % 2 else mujoco.mjtGeom.mjGEOM_BOX
+        spec.worldbody.add_body(mocap=True).add_geom(type=kind, size=[0.2, 0.2, 0.2])
+    spec.worldbody.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=LIGHT, castshadow=True)
+    camera = spec.worldbody.add_camera(pos=[0.0, 1.0, 2.4], quat=[0.9848, -0.1736, 0, 0], fovy=float(np.degrees(FOV)))
+    camera.resolution = [size, size]
+    host = spec.compile()
+    state = mujoco.MjData(host)
+    mujoco.mj_forward(host, state)
+    model, data = mjw.put_model(host), mjw.put_data(host, state, nworld=len(places))
+    everything = data.geom_xpos.numpy()
+    everything[:, 1:] = places
+    data.geom_xpos.assign(everything)
+    context = mjw.create_render_context(
+        host, len(places), (size, size), True, True, False, use_shadows=shadows, enable_backface_culling=False
+    )
+
+    def frame(poses):
+        mjw.refit_bvh(model, data, context)
+        mjw.render(model, data, context)
+
+    frame(None)
+    assert 0.2 < (context.depth_data.numpy() > 0).mean() <= 1.0
+    return frame
+
+
+def compare(title, poses, peers, ways, reps):
+    """Milliseconds of each, best and median of frames that take turns, and how many times ours go into each peer's."""
+    candidates = {**peers, **ways}
     times = {name: [] for name in candidates}
     for frame in candidates.values():
+        frame(poses)
         frame(poses)
     for _ in range(reps):
         for name, frame in candidates.items():
             start = time.perf_counter()
             frame(poses)
             times[name].append(time.perf_counter() - start)
-    peer = np.array(next(iter(times.values())))
     for name, values in times.items():
-        best, middle = 1e3 * np.min(values), 1e3 * np.median(values)
-        ratio = f"{np.min(peer) / np.min(values):.2f} by the best, {np.median(peer / values):.2f} by the median"
-        print(f"{title:34} {name:26} {best:8.2f} ms best {middle:8.2f} ms median   {ratio} times", flush=True)
+        line = f"{title:34} {name:14} {1e3 * np.min(values):8.2f} ms best {1e3 * np.median(values):8.2f} ms median"
+        for peer in peers if name in ways else ():
+            best, middle = np.min(times[peer]) / np.min(values), np.median(np.divide(times[peer], values))
+            line += f"   {peer} / it: {best:.2f} best, {middle:.2f} median"
+        print(line, flush=True)
 
 
 def terrain_scene(points, faces):
@@ -78,7 +115,7 @@ def terrain_scene(points, faces):
 
 
 def world_scene(count, bodies=6):
-    """Worlds of spheres and boxes at one place, over a floor that all share."""
+    """Worlds of spheres and boxes at one place, over a floor that all share; ours, Newton's, and where bodies are."""
     rng = np.random.default_rng(4)
     scene, main = wr.Scene(), newton.ModelBuilder(up_axis=newton.Axis.Y)
     scene.add_light(sun())
@@ -89,10 +126,12 @@ def world_scene(count, bodies=6):
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     scene.add_mesh("/box", box, quads)
     scene.placements["/box"].visible = False
+    places = np.zeros((count, bodies, 3))
     for world in range(count):
         one = newton.ModelBuilder(up_axis=newton.Axis.Y)
         for body in range(bodies):
             place = (*rng.uniform(-0.8, 0.8, 1), rng.uniform(0.2, 0.9), *rng.uniform(-0.8, 0.8, 1), 0, 0, 0, 1)
+            places[world, body] = place[:3]
             if body % 2:
                 scene.add_sphere(f"/world{world}/body{body}", 0.2, pose=place)
                 one.add_shape_sphere(body=-1, radius=0.2, xform=wp.transform(place[:3], wp.quat_identity()))
@@ -101,7 +140,7 @@ def world_scene(count, bodies=6):
                 scene.add_instances(path, "/box", np.array([place]))
                 one.add_shape_box(body=-1, hx=0.2, hy=0.2, hz=0.2, xform=wp.transform(place[:3], wp.quat_identity()))
         main.add_world(one)
-    return scene, main.finalize(device="cpu")
+    return scene, main.finalize(device="cpu"), places
 
 
 def small_frames():
@@ -120,10 +159,10 @@ def small_frames():
             sensor.update(pose)
             whole.append(time.perf_counter() - start)
             start = time.perf_counter()
-            sensor._recorded.run()
+            sensor._batch.draw(sensor._batch._request.worlds)
             kernel.append(time.perf_counter() - start)
         whole, kernel = 1e3 * np.median(whole), 1e3 * np.median(kernel)
-        print(f"32x32 by {visibility:7} {whole:.3f} ms, of which the kernel of the views {kernel:.3f} ms")
+        print(f"32x32 by {visibility:7} {whole:.3f} ms, of which drawing {kernel:.3f} ms")
     profile = cProfile.Profile()
     profile.runcall(lambda: [sensor.update(pose) for _ in range(300)])
     pstats.Stats(profile).sort_stats("tottime").print_stats(12)
@@ -144,15 +183,18 @@ def main():
     for transport, shadows in (("local", False), ("direct", True)):
         ways = {way: ours(scene, 512, outputs, transport=transport, visibility=way) for way in ("raster", "rays")}
         title = "512x512, colour, depth" + ", shadow" * shadows
-        compare(title, pose, {"newton": theirs(model, 512, 1, shadows), **ways}, args.reps)
+        compare(title, pose, {"newton": theirs(model, 512, 1, shadows)}, ways, args.reps)
     count = 64
-    scene, model = world_scene(count)
+    scene, model, places = world_scene(count)
     views = wp.array([[0.0, 1.0, 2.4, -0.1736, 0, 0, 0.9848]] * count, dtype=wp.transformf)
     worlds = [f"/world{i}" for i in range(count)]
     for transport, shadows in (("local", False), ("direct", True)):
-        peer = theirs(model, 64, count, shadows, np.arange(count))
-        ways = {way: ours(scene, 64, outputs, worlds, transport=transport, visibility=way) for way in ("rays",)}
-        compare("64 views of 64x64" + ", shadow" * shadows, views, {"newton": peer, **ways}, args.reps)
+        peers = {"newton": theirs(model, 64, count, shadows, np.arange(count)), "mujoco": batch(places, 64, shadows)}
+        ways = {
+            way: ours(scene, 64, outputs, worlds, transport=transport, visibility=way)
+            for way in ("raster", "rays", "auto")
+        }
+        compare("64 views of 64x64" + ", shadow" * shadows, views, peers, ways, args.reps)
     small_frames()
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
-from pictures import outputs
+from pictures import outputs, prepare
 from pictures import picture as lit_picture
 from usd_stage import scene_of
 
@@ -64,7 +64,7 @@ def test_mirrored_lights_emit_from_the_authored_side(scale, lit):
     """A rect light at the origin shines down -Z onto the quad, unless its Z is turned."""
     floor = LEANING.replace(", 0)", ", -2)").replace("(3, 0, 4)", "(0, 0, 1)")
     scene = scene_of(scaled('def RectLight "l" { float inputs:intensity = 5 }', scale) + floor + EYE)
-    color = Renderer(scene, "/eye", (8, 8)).render(samples=16).numpy("color")
+    color = prepare(scene, "/eye", 8).render(samples=16).numpy("color")
     assert (color[..., 0].mean() > 0.01) == lit
 
 
@@ -132,7 +132,7 @@ def test_a_camera_that_sees_nothing_is_named(fields):
 def test_a_lens_focused_anywhere_gives_numbers(focus):
     camera = f'def Camera "eye" {{ float fStop = 1 \n float focusDistance = {focus} }}'
     scene = scene_of('def Sphere "s" { double radius = 3 }' + camera)
-    color = Renderer(scene, "/eye", (8, 8)).render(samples=2)
+    color = prepare(scene, "/eye", 8).render(samples=2)
     assert np.isfinite(color.numpy("color")).all() and color.stats["dropped samples"] == 0
 
 
@@ -148,7 +148,7 @@ INSIDE = 'def Camera "eye" { float2 clippingRange = (0.001, 100)\n float horizon
 
 def test_C8_inside_a_closed_mesh():
     """C8: back faces are seen, and lit by the camera's light."""
-    color = Renderer(scene_of(BOX + INSIDE), "/eye", (16, 16)).render(samples=4).numpy("color")
+    color = prepare(scene_of(BOX + INSIDE), "/eye").render(samples=4).numpy("color")
     assert (color[..., 3] == 1).all() and (color[..., :3] > 0).all()
 
 
@@ -165,7 +165,7 @@ def test_C8_a_face_on_the_near_plane_is_seen_by_all_pixels_or_none(projection):
 def test_C8_inside_a_light():
     """C8: a light is no obstacle, emits outwards only, and leaves no NaN where the camera stands in it."""
     light = 'def SphereLight "l" { float inputs:radius = 0.2\n float inputs:intensity = 5 }'
-    frame = Renderer(scene_of(BOX + INSIDE + light), "/eye", (16, 16)).render(samples=4)
+    frame = prepare(scene_of(BOX + INSIDE + light), "/eye").render(samples=4)
     color = frame.numpy("color")
     assert np.isfinite(color).all() and frame.stats["dropped samples"] == 0
     assert (color[..., 3] == 1).all() and color[..., 0].mean() > 0
@@ -180,7 +180,7 @@ def test_C8_inside_glass():
             float inputs:roughness = 0
             token outputs:surface } }
         def DomeLight "d" { }"""
-    frame = Renderer(scene_of(glass + INSIDE), "/eye", (16, 16), dome_light_visible=True).render(samples=8)
+    frame = prepare(scene_of(glass + INSIDE), "/eye", dome_light_visible=True).render(samples=8)
     color = frame.numpy("color")
     assert np.isfinite(color).all() and frame.stats["dropped samples"] == 0
     assert 0.5 < color[..., 0].mean() <= 1 + 1e-4, "no light is made"

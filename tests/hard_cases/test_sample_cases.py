@@ -1,4 +1,4 @@
-"""Cases A1, A5 and A8 of the catalogue: long sums, the ends of the unit interval, many Sobol points.
+"""Cases A1, A3, A5 and A8 of the catalogue: long sums, fireflies, the ends of the unit interval, many Sobol points.
 
 A2, A4, A6 and A7 are in `tests/test_pictures.py`, `tests/test_sampling.py` and `tests/test_images.py`.
 """
@@ -76,3 +76,22 @@ def test_A8_far_dimensions_repeat_none():
     correlation = np.corrcoef(columns.T.astype(float)) - np.eye(40)
     # 780 pairs: one false alarm in 10 000 at 5.4 standard deviations.
     assert abs(correlation).max() < 5.4 / np.sqrt(256)
+
+
+def test_a3_fireflies_stay_in_the_mean():
+    # A small bright light behind a glass ball: what reaches the floor through the glass comes in rare bright samples.
+    scene = wr.Scene()
+    floor = np.array([(-0.05, 0, 0.05), (0.05, 0, 0.05), (0.05, 0, -0.05), (-0.05, 0, -0.05)])
+    scene.add_mesh("/floor", floor, [[0, 1, 2, 3]], color=(0.5, 0.5, 0.5))
+    scene.add_sphere("/ball", radius=0.01, material=wr.Dielectric(ior=1.5), pose=(0, 0.012, 0, 0, 0, 0, 1))
+    scene.add_light(wr.SphereLight(radius=1e-3, intensity=1000.0), pose=scenes.look_at((0, 0.03, 0), up=(0, 0, 1)))
+    view = scenes.camera((0, 0.004, 0.02), fov=12.0, clippingRange=(1e-4, 10.0))
+    renderer = prepare(scene, view, 16, camera_light="off", bounces=4)
+    pictures = [renderer.render(samples=64, seed=seed).numpy("color")[..., 0].astype(float) for seed in range(1, 17)]
+    long = renderer.render(samples=6400, seed=0).numpy("color")[..., 0].astype(float).mean()
+    short = np.array([picture.mean() for picture in pictures])
+    # Student's t of 15 degrees of freedom is beyond 5 once in 6000 times.
+    assert abs(short.mean() - long) < 5 * short.std(ddof=1) * np.sqrt(1 / 16 + 1 / 100)
+    # There are fireflies: a clamp at ten times the median would take far more from the mean than chance does.
+    clamped = [np.minimum(picture, 10 * np.median(picture)).mean() for picture in pictures]
+    assert long - np.mean(clamped) > 5 * short.std(ddof=1) / 4

@@ -135,7 +135,6 @@ def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
         few = met_by_rays <= MOST_LIGHTS
         begin = wp.where(few, 0, scene.finite_lights)
         for number in range(begin - 1, met_by_rays):
-            own = branch(sample, number)
             index = number
             leaf = wp.int32(-1)
             probability = wp.float32(0.0)
@@ -146,7 +145,7 @@ def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
                     normal = surface.geometric_normal
                     if wp.static(transmission):
                         normal = light_normal(surface, bsdf)
-                    u = random_pair(own, step, DIMENSION_LIGHT_CHOICE)
+                    u = random_pair(branch(sample, number), step, DIMENSION_LIGHT_CHOICE)
                     choice = choose_light(scene, surface.position, normal, u)
                     if choice.index >= 0 and (not few or choice.index >= met_by_rays):
                         index = choice.index
@@ -156,6 +155,7 @@ def reflected_function(key: PathKey, shadows: bool) -> wp.Function:
                 probability = 1.0
             if index >= 0:
                 light = scene.lights[index]
+                own = branch(sample, number)
                 one = Met()
                 if wp.static(with_domes):
                     if light.is_dome != 0 and light.image < 0:

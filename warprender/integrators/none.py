@@ -11,12 +11,37 @@ from ..launch import launch_pixels
 from ..materials.dispatch import material_functions
 from ..materials.normal_map import shading_function
 from ..outputs import OUTPUTS, OutputBuffers, Seen
-from ..plan import OutputsKey
-from ..records import CameraRecord, DeviceScene, Hit
+from ..plan import OutputsKey, PathKey
+from ..records import CameraRecord, DeviceScene, Hit, Ray
 from ..visibility.sdf import ray_functions
 
 #: Surfaces that are wholly clear are looked through, this many at most.
 MOST_CLEAR_SURFACES = wp.constant(wp.int32(256))
+
+
+@cache
+def past_clear_function(key: OutputsKey | PathKey) -> wp.Function:
+    """`past_clear(scene, ray, hit, cone) -> Hit`: from a hit on, the first surface that is not wholly clear.
+
+    `cone` is the width of what the ray stands for at its origin, and how fast it grows.
+    """
+    shading_at = shading_function(key.shapes, key.features, key.sdfs)
+    prepare, _, _ = material_functions(key.materials, key.features)
+    _, closest_after, _ = ray_functions(key.sdfs)
+
+    @wp.func
+    def past_clear(scene: DeviceScene, ray: Ray, hit: Hit, cone: wp.vec2) -> Hit:
+        found = hit
+        clear = wp.int32(0)
+        while found.instance >= 0 and clear < MOST_CLEAR_SURFACES:
+            surface = shading_at(scene, ray, found, cone[0] + cone[1] * found.t)
+            if prepare(scene, surface).pass_through < 1.0:
+                return found
+            found = closest_after(scene, ray, found)
+            clear += 1
+        return found
+
+    return past_clear
 
 
 @cache
@@ -25,11 +50,11 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
     camera_ray = camera_ray_function(key.camera)
     shading_at = shading_function(key.shapes, key.features, key.sdfs)
     prepare, _, _ = material_functions(key.materials, key.features)
-    _, closest_after, _ = ray_functions(key.sdfs)
+    past_clear = past_clear_function(key)
     writers = tuple(OUTPUTS[name].write for name in key.outputs)
     count = len(writers)
     straight_through = key.straight_through
-    with_materials = straight_through or any(OUTPUTS[name].of_material for name in key.outputs)
+    with_materials = any(OUTPUTS[name].of_material for name in key.outputs)
     orthographic = int("orthographic" in key.camera)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -46,31 +71,25 @@ def outputs_kernel(key: OutputsKey) -> wp.Kernel:
         cone = pixel_cone(camera)
         for x in range(begin - y * camera.width, begin - y * camera.width + columns):
             hit = hits[y, x]
+            ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
+            if wp.static(straight_through):
+                hit = past_clear(scene, ray, hit, cone)
             if hit.instance >= 0:
                 seen = Seen()
                 seen.x = x
                 seen.y = y
                 seen.camera = camera
                 seen.orthographic = wp.static(orthographic)
-                seen.ray = camera_ray(camera, wp.float32(x) + 0.5, wp.float32(y) + 0.5, wp.vec2(0.5, 0.5))
-                seen.surface = shading_at(scene, seen.ray, hit, cone[0] + cone[1] * hit.t)
+                seen.ray = ray
+                seen.surface = shading_at(scene, ray, hit, cone[0] + cone[1] * hit.t)
                 if wp.static(with_materials):
                     seen.bsdf = prepare(scene, seen.surface)
-                if wp.static(straight_through):
-                    clear = wp.int32(0)
-                    while hit.instance >= 0 and seen.bsdf.pass_through >= 1.0 and clear < MOST_CLEAR_SURFACES:
-                        hit = closest_after(scene, seen.ray, hit)
-                        if hit.instance >= 0:
-                            seen.surface = shading_at(scene, seen.ray, hit, cone[0] + cone[1] * hit.t)
-                            seen.bsdf = prepare(scene, seen.surface)
-                        clear += 1
-                if hit.instance >= 0:
-                    seen.instance = scene.instances[hit.instance]
-                    if scene.geometries[seen.instance.geometry].faces.shape[0] > 0:
-                        seen.face = scene.geometries[seen.instance.geometry].faces[hit.face]
-                    # Unrolled in the kernel's own body, where a table of functions is safe.
-                    for k in range(wp.static(count)):
-                        wp.static(writers[k])(buffers, seen)
+                seen.instance = scene.instances[hit.instance]
+                if scene.geometries[seen.instance.geometry].faces.shape[0] > 0:
+                    seen.face = scene.geometries[seen.instance.geometry].faces[hit.face]
+                # Unrolled in the kernel's own body, where a table of functions is safe.
+                for k in range(wp.static(count)):
+                    wp.static(writers[k])(buffers, seen)
 
     return outputs
 

@@ -13,9 +13,11 @@ import warp as wp
 
 from ..camera import camera_ray_function, pixel_cone
 from ..color import luminance
-from ..film import FilmRecord, Terms, end_sample, filter_offset
+from ..film import FilmRecord, Terms, end_sample
+from ..filters import filter_offset
 from ..launch import launch
 from ..numerics import is_finite
+from ..plan import RenderPlan, Request
 from ..records import CameraRecord, DeviceScene, Hit
 from ..sampling import DIMENSION_LENS, DIMENSION_PIXEL, REPLICATES, random_pair, sample_stream
 from ..visibility.sdf import ray_functions
@@ -53,6 +55,24 @@ class PathRequest:
     hits: wp.array2d(dtype=Hit)
     offset: wp.vec2
     terms: Terms
+
+
+def path_request(request: Request, plan: RenderPlan, seed: int, sobol: bool) -> PathRequest:
+    """What is asked of a transport, but for the samples of a pass. `sobol`: from points that are well spread."""
+    asked = PathRequest()
+    asked.seed = int(seed) & 0xFFFFFFFF
+    asked.sobol = int(sobol)
+    asked.unfiltered = int(not request.filter_textures)
+    asked.visible.lights = int(request.lights_visible)
+    asked.visible.domes = int(request.dome_light_visible or request.lights_visible)
+    follow_bounds(asked, plan)
+    return asked
+
+
+def follow_bounds(asked: PathRequest, plan: RenderPlan) -> None:
+    """What the plan's bounds say to the kernel, as they are now."""
+    asked.bounces = int(plan.bounds.get("bounces", 0))
+    asked.met = int(plan.bounds.get("lights can be hit", True))
 
 
 @wp.struct
@@ -97,7 +117,7 @@ def samples_kernel(
         y = pixel // camera.width
         total = film.sums[y, x]
         squares = film.squares[y, x]
-        replicates = film.replicates[y, x]
+        parts = film.parts[y, x]
         rays = film.rays[y, x]
         kept = wp.int32(0)
         unfollowed = film.unfollowed[y, x]
@@ -108,6 +128,14 @@ def samples_kernel(
             number = request.counts[y, x]
         for s in range(number):
             sample = sample_stream(request.seed, pixel, begin + s, request.sobol)
+            part = (begin + s) % REPLICATES
+            of_sequence = (begin + s) / REPLICATES
+            if of_sequence > 0:
+                if (of_sequence & (of_sequence - 1)) == 0:
+                    # The two parts are as many samples as both are to have now.
+                    parts[part] += parts[part + REPLICATES]
+                    parts[part + REPLICATES] = wp.float64(0.0)
+                part += REPLICATES
             u = random_pair(sample, -1, DIMENSION_PIXEL)
             px = wp.float32(x) + 0.5
             py = wp.float32(y) + 0.5
@@ -136,11 +164,11 @@ def samples_kernel(
                 value = wp.vec3d(result.radiance)
                 total += wp.vec4d(value[0], value[1], value[2], wp.float64(result.alpha))
                 squares += wp.cw_mul(value, value)
-                replicates[(begin + s) % REPLICATES] += wp.float64(luminance(result.radiance))
+                parts[part] += wp.float64(luminance(result.radiance))
                 kept += 1
         film.sums[y, x] = total
         film.squares[y, x] = squares
-        film.replicates[y, x] = replicates
+        film.parts[y, x] = parts
         film.rays[y, x] = rays
         film.unfollowed[y, x] = unfollowed
         film.samples[y, x] = film.samples[y, x] + kept

@@ -22,10 +22,11 @@ from ..sampling import DIMENSION_LENS, DIMENSION_PIXEL, random_pair, sample_stre
 from ..visibility.first_hits import draw_of, rastered
 from ..visibility.rays import miss
 from ..visibility.sdf import ray_functions
+from ..visibility.worlds import Worlds, one_world
 from .direct import reflected_function
 from .lighting import Departure
 from .meeting import glow_function
-from .none import MOST_CLEAR_SURFACES
+from .none import past_clear_function
 from .samples import FOOTPRINT, PathRequest, PathResult
 
 
@@ -40,7 +41,7 @@ class ViewKey:
         found_by: "rays" through a window, rays of a "table", or "raster".
         worlds: whether a view sees one world of many.
         others: by raster, whether there are shapes that only rays find.
-        rgba8: whether colour is also wanted as bytes.
+        colors: how colour is wanted: "color", as numbers, and "rgba8", as bytes.
         lights_seen: whether the camera sees lights.
         centred: whether colour is one sample at the pixel's centre.
     """
@@ -51,7 +52,7 @@ class ViewKey:
     found_by: str
     worlds: bool
     others: bool
-    rgba8: bool
+    colors: tuple[str, ...]
     lights_seen: bool
     centred: bool
 
@@ -71,25 +72,24 @@ class ViewKey:
 class ViewRequest:
     """What the views are: `cameras` (V,), pictures of `width` by `height`; `directions` (H, W) of a table's rays.
 
-    View v sees world `worlds[v]`, whose instances are members from `starts[w]` to `starts[w + 1]`; by raster those
-    that only rays find are the list of number `lists` + w. By raster one view is drawn at a time, from row `first_row`
-    of all on, and `face`, `u`, `v` (H, W) are what the rasterizer saw.
+    View v sees world `worlds[v]` of `lists`. By raster `face`, `u` and `v` (V H, W) are what the rasterizer saw, where
+    member m of a world has the faces from `first_face[m]` on, and where `marks` (V H, W) is 1, rays look for the
+    instances of `others` too.
     """
 
     path: PathRequest
     cameras: wp.array(dtype=CameraRecord)
     width: wp.int32
     height: wp.int32
-    first_row: wp.int32
     directions: wp.array2d(dtype=wp.vec3)
     worlds: wp.array(dtype=wp.int32)
-    members: wp.array(dtype=wp.int32)
-    starts: wp.array(dtype=wp.int32)
-    lists: wp.int32
+    lists: Worlds
+    others: Worlds
     first_face: wp.array(dtype=wp.int32)
     face: wp.array2d(dtype=wp.int32)
     u: wp.array2d(dtype=wp.float32)
     v: wp.array2d(dtype=wp.float32)
+    marks: wp.array2d(dtype=wp.uint8)
     color: wp.array2d(dtype=wp.vec4)
     rgba8: wp.array2d(dtype=wp.uint32)
 
@@ -123,32 +123,31 @@ def view_ray_function(key: ViewKey) -> wp.Function:
 
 @cache
 def view_hit_function(key: ViewKey) -> wp.Function:
-    """`view_hit(scene, request, ray, world, x, y) -> Hit`: what the centre of a pixel sees first."""
+    """`view_hit(scene, request, ray, world, row, x) -> Hit`: what the centre of a pixel sees first."""
     closest, _, _ = ray_functions(key.any_key.sdfs)
     if key.found_by != "raster":
 
         @wp.func
-        def ray_hit(scene: DeviceScene, request: ViewRequest, ray: Ray, world: int, x: int, y: int) -> Hit:
+        def ray_hit(scene: DeviceScene, request: ViewRequest, ray: Ray, world: int, row: int, x: int) -> Hit:
             return closest(scene, ray)
 
         return ray_hit
 
-    others, worlds = key.others, key.worlds
+    others = key.others
 
     @wp.func
-    def raster_hit(scene: DeviceScene, request: ViewRequest, ray: Ray, world: int, x: int, y: int) -> Hit:
+    def raster_hit(scene: DeviceScene, request: ViewRequest, ray: Ray, world: int, row: int, x: int) -> Hit:
         hit = miss()
-        face = request.face[y, x]
+        face = request.face[row, x]
         if face >= 0:
-            instance = draw_of(request.first_face, face)
-            hit = rastered(scene, ray, instance, face - request.first_face[instance], request.u[y, x], request.v[y, x])
+            lists = request.lists
+            member = draw_of(request.first_face, lists.starts[world], lists.starts[world + 1], face)
+            triangle = face - request.first_face[member]
+            hit = rastered(scene, ray, lists.members[member], triangle, request.u[row, x], request.v[row, x])
         if wp.static(others):
-            # The rest, by rays among it alone, up to what the rasterizer saw.
-            list = request.lists + world
-            if request.starts[list] < request.starts[list + 1]:
-                scene.world.listed = 1
-                scene.world.first_member = request.starts[list]
-                scene.world.last_member = request.starts[list + 1]
+            if request.marks[row, x] != wp.uint8(0):
+                # The rest, by rays among it alone, up to what the rasterizer saw.
+                scene.world = one_world(scene.world, request.others, world)
                 nearer = Ray()
                 nearer.origin = ray.origin
                 nearer.direction = ray.direction
@@ -156,9 +155,6 @@ def view_hit_function(key: ViewKey) -> wp.Function:
                 found = closest(scene, nearer)
                 if found.instance >= 0:
                     hit = found
-                scene.world.listed = wp.static(int(worlds))
-                scene.world.first_member = request.starts[world]
-                scene.world.last_member = request.starts[world + 1]
         return hit
 
     return raster_hit
@@ -249,36 +245,30 @@ def views_kernel(key: ViewKey, radiance: wp.Function | None) -> wp.Kernel:
     # Rays leave the shared surface for shadows alone.
     shading_at = shading_function(names.shapes, names.features, names.sdfs, key.shared and key.transport == "direct")
     prepare, _, _ = material_functions(names.materials, names.features)
-    _, closest_after, _ = ray_functions(names.sdfs)
+    past_clear = past_clear_function(names)
     writers = tuple(OUTPUTS[name].write for name in (key.outputs.outputs if key.outputs else ()))
     count, with_color, shared = len(writers), key.path is not None, key.shared
-    straight_through = names.straight_through
+    straight_through = names.straight_through and count > 0
     of_material = key.outputs is not None and any(OUTPUTS[name].of_material for name in key.outputs.outputs)
-    with_materials = shared or straight_through or of_material
-    with_surface = shared or count > 0
+    with_materials, with_surface = shared or of_material, shared or count > 0
     first_surface = first_surface_function(key) if shared else None
     sampled = sampled_function(key, radiance) if with_color and not shared else None
-    worlds, rgba8, listed = key.worlds, key.rgba8, key.worlds or key.others
+    worlds, by_number, by_bytes = key.worlds, "color" in key.colors, "rgba8" in key.colors
     orthographic = int("orthographic" in names.camera)
 
     @wp.kernel(module="unique", enable_backward=False)
     def views(first: wp.int32, columns: wp.int32, scene: DeviceScene, request: ViewRequest, buffers: OutputBuffers):
         begin = (first + wp.tid()) * columns
-        row = begin // request.width + request.first_row
+        row = begin // request.width
         view = row // request.height
         y = row - view * request.height
         camera = request.cameras[view]
         cone = pixel_cone(camera)
         scene.eye = camera.position
-        world = wp.int32(0)
+        world = wp.clamp(request.worlds[view], 0, request.lists.count - 1)
         if wp.static(worlds):
-            world = wp.clamp(request.worlds[view], 0, request.lists - 1)
-            scene.world.listed = 1
-            scene.world.first_member = request.starts[world]
-            scene.world.last_member = request.starts[world + 1]
-        if wp.static(listed):
-            scene.world.members = request.members
-        start = begin - (begin // request.width) * request.width
+            scene.world = one_world(scene.world, request.lists, world)
+        start = begin - row * request.width
         seen = Seen()
         seen.y = row
         seen.camera = camera
@@ -287,11 +277,21 @@ def views_kernel(key: ViewKey, radiance: wp.Function | None) -> wp.Kernel:
             px = wp.float32(x) + 0.5
             py = wp.float32(y) + 0.5
             ray = view_ray(request, camera, x, y, px, py, wp.vec2(0.5, 0.5))
-            hit = view_hit(scene, request, ray, world, x, y)
-            color = wp.vec4(0.0, 0.0, 0.0, 0.0)
+            hit = view_hit(scene, request, ray, world, row, x)
+            # Numbers, not a vector: that would go through memory.
+            red = wp.float32(0.0)
+            green = wp.float32(0.0)
+            blue = wp.float32(0.0)
+            alpha = wp.float32(0.0)
             if wp.static(with_color and not shared):
                 color = sampled(scene, request, camera, world, hit, x, y, row * request.width + x)
+                red = color[0]
+                green = color[1]
+                blue = color[2]
+                alpha = color[3]
             if wp.static(with_surface):
+                if wp.static(straight_through):
+                    hit = past_clear(scene, ray, hit, cone)
                 if hit.instance >= 0:
                     seen.x = x
                     seen.ray = ray
@@ -301,31 +301,25 @@ def views_kernel(key: ViewKey, radiance: wp.Function | None) -> wp.Kernel:
                     if wp.static(shared):
                         light = first_surface(scene, request, ray, seen, row * request.width + x)
                         if is_finite(light):
-                            color = wp.vec4(light[0], light[1], light[2], 1.0)
-                    if wp.static(straight_through):
-                        clear = wp.int32(0)
-                        while hit.instance >= 0 and seen.bsdf.pass_through >= 1.0 and clear < MOST_CLEAR_SURFACES:
-                            hit = closest_after(scene, ray, hit)
-                            if hit.instance >= 0:
-                                seen.surface = shading_at(scene, ray, hit, cone[0] + cone[1] * hit.t)
-                                seen.bsdf = prepare(scene, seen.surface)
-                            clear += 1
-                    if hit.instance >= 0:
-                        seen.instance = scene.instances[hit.instance]
-                        seen.face = 0
-                        if scene.geometries[seen.instance.geometry].faces.shape[0] > 0:
-                            seen.face = scene.geometries[seen.instance.geometry].faces[hit.face]
-                        # Unrolled in the kernel's own body, where a table of functions is safe.
-                        for k in range(wp.static(count)):
-                            wp.static(writers[k])(buffers, seen)
-            if wp.static(with_color):
-                request.color[row, x] = color
-                if wp.static(rgba8):
-                    request.rgba8[row, x] = (
-                        srgb_byte(color[0])
-                        | (srgb_byte(color[1]) << wp.uint32(8))
-                        | (srgb_byte(color[2]) << wp.uint32(16))
-                        | (wp.uint32(wp.clamp(color[3], 0.0, 1.0) * 255.0 + 0.5) << wp.uint32(24))
-                    )
+                            red = light[0]
+                            green = light[1]
+                            blue = light[2]
+                            alpha = 1.0
+                    seen.instance = scene.instances[hit.instance]
+                    seen.face = 0
+                    if scene.geometries[seen.instance.geometry].faces.shape[0] > 0:
+                        seen.face = scene.geometries[seen.instance.geometry].faces[hit.face]
+                    # Unrolled in the kernel's own body, where a table of functions is safe.
+                    for k in range(wp.static(count)):
+                        wp.static(writers[k])(buffers, seen)
+            if wp.static(by_number):
+                request.color[row, x] = wp.vec4(red, green, blue, alpha)
+            if wp.static(by_bytes):
+                request.rgba8[row, x] = (
+                    srgb_byte(red)
+                    | (srgb_byte(green) << wp.uint32(8))
+                    | (srgb_byte(blue) << wp.uint32(16))
+                    | (wp.uint32(wp.clamp(alpha, 0.0, 1.0) * 255.0 + 0.5) << wp.uint32(24))
+                )
 
     return views

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..numerics import PI, from_frame, safe_normalize, tangent_of
+from ..numerics import PI, from_frame, tangent_of
 from ..records import DeviceScene, LightRecord, LightSample
 from ..sampling import uniform_cone
 from .light import Light, infinite_sample, linear_part, no_light
@@ -59,7 +59,7 @@ class DistantLight(Light):
         """(3, 3) whose last row is the unit direction towards the light; scale and shear drop out."""
         towards = -np.asarray(self.direction, np.float64) @ linear_part(self.transform)
         length = np.linalg.norm(towards)
-        if length == 0.0:
+        if not 0.0 < length < np.inf:
             return np.zeros((3, 3))
         towards = towards / length
         # Local X where it can be, so that a photometric profile keeps its azimuth.
@@ -73,8 +73,8 @@ class DistantLight(Light):
 
 @wp.func
 def axis_of(light: LightRecord) -> wp.vec3:
-    """Unit direction towards the middle of the light."""
-    return safe_normalize(wp.vec3(light.linear[0, 2], light.linear[1, 2], light.linear[2, 2]))
+    """Unit direction towards the middle of the light, as the host has made it."""
+    return wp.vec3(light.linear[0, 2], light.linear[1, 2], light.linear[2, 2])
 
 
 @wp.func

@@ -54,9 +54,9 @@ def bounds_of(transport: str, found: Occurring, request: Request, lights: dict[s
         return {}
     if request.transport in ONE_SURFACE or transport == "local":
         return {"bounces": 0}
+    if request.transport == "whitted":
+        return {"bounces": WHITTED_BOUNCES if request.bounces is None else request.bounces}
     hit = bool(found.emitting) or not all(light.is_delta() for light in lights.values())
     followed = {"lights can be hit": hit, "shadow rays can pass": bool(found.passing)}
-    if request.transport == "whitted":
-        return {"bounces": WHITTED_BOUNCES if request.bounces is None else request.bounces, **followed}
     bounces = bounces_called_for(found.albedo, request)
     return {"albedo": found.albedo, "bounces": bounces, "unfollowed": unfollowed(found.albedo, bounces), **followed}

@@ -25,7 +25,7 @@ class PathKey:
     """What the kernel of a transport of colour is compiled for.
 
     Attributes:
-        shapes: names of the classes of `SHAPES` that occur, sorted as all names here.
+        shapes: names of the classes of `SHAPES` that occur, sorted as all names here; meshes and spheres always.
         materials: of `MATERIALS`.
         lights: kinds of lights that emit, as `Light.kind` answers.
         light_effects: of `LIGHT_EFFECTS`.

@@ -40,7 +40,8 @@ class Instance:
 class World:
     """All instances and the tree over their boxes: what ``scene_closest`` and ``scene_occluded`` walk.
 
-    Where `listed` is 1, only `members` from number `first_member` up to `last_member` are there, and no tree is walked.
+    Where `listed` is not 0, only `members` from number `first_member` up to `last_member` are there. At 1 no tree is
+    walked; at 2 (on the CPU) `nodes` and `items` are a tree over them.
     """
 
     geometries: wp.array(dtype=Geometry)

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..launch import launch
-from ..numerics import is_finite, max_component, safe_normalize
+from ..numerics import INFINITY, is_finite, max_component, safe_normalize
 from ..records import PrimvarRecord
 from .mesh import SMOOTH, Mesh
 from .normals import same_rows
@@ -31,10 +31,10 @@ class LiveNormals:
         record: the device's record of the normals.
     """
 
-    def __init__(self, mesh: Mesh, drawn: np.ndarray, indices: wp.array) -> None:
-        """For the triangles `drawn` (T,) bool of a mesh, whose point numbers on the device are `indices` (3 T,)."""
-        self._indices, device = indices, indices.device
-        corners = mesh.triangles[drawn].reshape(-1)
+    def __init__(self, mesh: Mesh, drawn: np.ndarray, device: str | wp.Device) -> None:
+        """For the triangles `drawn` (T,) bool of a mesh."""
+        triangles = mesh.triangles[drawn]
+        corners = triangles.reshape(-1)
         self.record = PrimvarRecord()
         self.record.width = 3
         if isinstance(mesh.normals, str):
@@ -48,8 +48,10 @@ class LiveNormals:
             self.record.indices = wp.array(group.astype(np.int32), dtype=wp.int32, device=device)
         starts = np.concatenate([[0], np.cumsum(np.bincount(group, minlength=count))])
         self._starts = wp.array(starts.astype(np.int32), dtype=wp.int32, device=device)
-        order = np.argsort(group, kind="stable").astype(np.int32)
-        self._corners = wp.array(order, dtype=wp.int32, device=device)
+        # For each corner its own point, and the next two of its triangle.
+        around = np.stack([triangles, np.roll(triangles, -1, 1), np.roll(triangles, -2, 1)], -1).reshape(-1, 3)
+        around = np.ascontiguousarray(around[np.argsort(group, kind="stable")], np.int32)
+        self._around = wp.array(around, dtype=wp.vec3i, device=device)
         self._authored = wp.array(authored, dtype=wp.vec3, device=device)
         self._rest = wp.array(rest, dtype=wp.vec3, device=device)
         self._normals = wp.zeros(count, dtype=wp.vec3, device=device)
@@ -57,8 +59,7 @@ class LiveNormals:
 
     def follow(self, points: wp.array) -> None:
         """Compute the normals for points (N,) of `wp.vec3` as they are now."""
-        shape = [self._indices, self._starts, self._corners, self._authored, self._rest]
-        inputs = [points, *shape, self._normals]
+        inputs = [points, self._starts, self._around, self._authored, self._rest, self._normals]
         launch(_follow, len(self._normals), inputs, self._normals.device, smallest_chunk=_CHUNK)
 
 
@@ -114,51 +115,39 @@ def _shared_normals(mesh: Mesh, drawn: np.ndarray) -> tuple[np.ndarray, np.ndarr
     else:
         places = mesh.rest[mesh.triangles[drawn].reshape(-1)]
     first, group = same_rows(np.concatenate([places, normals], 1))
-    return group, normals[first]
+    # In the order of the triangles: neighbours read what is near in memory.
+    order = np.argsort(first)
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    return number[group], normals[first[order]]
 
 
 @wp.func
-def _length(v: wp.vec3) -> float:
-    """Length at any scale that float32 can hold; 0 for what is not finite."""
-    largest = max_component(wp.abs(v))
-    if not is_finite(v) or largest == 0.0:
-        return 0.0
-    return largest * wp.length(v / largest)
+def _unit_of(edge: wp.vec3) -> float:
+    """A scale at which the edge has a length about 1; 1 for an edge that has none."""
+    largest = max_component(wp.abs(edge))
+    return wp.where(largest > 0.0 and largest < INFINITY, 1.0 / largest, 1.0)
 
 
 @wp.func
-def _carried(normal: wp.vec3, a0: wp.vec3, b0: wp.vec3, a: wp.vec3, b: wp.vec3) -> wp.vec3:
-    """What becomes of an authored normal at a corner with edges a0 and b0 when these become a and b; zero if unknown.
+def _carried(normal: wp.vec3, a0: wp.vec3, b0: wp.vec3, a: wp.vec3, b: wp.vec3, across: wp.vec3) -> wp.vec3:
+    """What becomes of an authored normal at a corner with edges a0 and b0 when these become a and b; of any length.
 
     The components along the edges are those of a covector, n · a0 = n' · a; across, the triangle stretches as the
-    root of its area does.
+    root of its area does. `across` is a × b.
     """
-    along_a0 = safe_normalize(a0)
-    along_b0 = safe_normalize(b0)
-    along_a = safe_normalize(a)
-    along_b = safe_normalize(b)
-    across0 = wp.cross(along_a0, along_b0)
-    across = wp.cross(along_a, along_b)
-    sine0 = wp.length(across0)
-    sine = wp.length(across)
-    if sine0 == 0.0 or sine == 0.0:
-        return wp.vec3(0.0, 0.0, 0.0)
-    face = across / sine
-    shrunk_a = _length(a0) / _length(a)
-    shrunk_b = _length(b0) / _length(b)
-    carried = wp.cross(along_b, face) * (wp.dot(along_a0, normal) * shrunk_a / sine)
-    carried += wp.cross(face, along_a) * (wp.dot(along_b0, normal) * shrunk_b / sine)
-    carried += face * (wp.dot(across0 / sine0, normal) * wp.sqrt(shrunk_a * shrunk_b * (sine0 / sine)))
-    return safe_normalize(carried)
+    across0 = wp.cross(a0, b0)
+    stretched = wp.sqrt(wp.sqrt(wp.dot(across, across) / wp.dot(across0, across0)))
+    carried = wp.cross(b, across) * wp.dot(a0, normal) + wp.cross(across, a) * wp.dot(b0, normal)
+    return carried + across * (wp.dot(across0, normal) * stretched)
 
 
 @wp.kernel(module="unique", enable_backward=False)
 def _follow(
     first: wp.int32,
     points: wp.array(dtype=wp.vec3),
-    indices: wp.array(dtype=wp.int32),
     starts: wp.array(dtype=wp.int32),
-    corners: wp.array(dtype=wp.int32),
+    around: wp.array(dtype=wp.vec3i),
     authored: wp.array(dtype=wp.vec3),
     rest: wp.array(dtype=wp.vec3),
     normals: wp.array(dtype=wp.vec3),
@@ -171,31 +160,31 @@ def _follow(
     at_rest = not smooth
     total = wp.vec3(0.0, 0.0, 0.0)
     unit = wp.float32(0.0)
+    unit0 = wp.float32(1.0)
     for entry in range(starts[i], starts[i + 1]):
-        corner = corners[entry]
-        triangle = corner - corner % 3
-        k = indices[corner]
-        k1 = indices[triangle + (corner + 1) % 3]
-        k2 = indices[triangle + (corner + 2) % 3]
+        corner = around[entry]
+        k = corner[0]
+        k1 = corner[1]
+        k2 = corner[2]
         p = points[k]
-        a = points[k1] - p
-        b = points[k2] - p
         if at_rest:
             at_rest = p == rest[k] and points[k1] == rest[k1] and points[k2] == rest[k2]
-        length_a = _length(a)
-        length_b = _length(b)
-        if length_a > 0.0 and length_b > 0.0:
-            if unit == 0.0:
-                unit = length_a
-            across = wp.cross(a / length_a, b / length_b)
-            # Max: (a × b) / (|a|² |b|²); lengths in units of the first edge, so that no product leaves the range.
-            weight = wp.length(across) / ((length_a / unit) * (length_b / unit))
-            if smooth:
-                contribution = safe_normalize(across) * weight
-            else:
-                contribution = _carried(normal, rest[k1] - rest[k], rest[k2] - rest[k], a, b) * weight
-            if is_finite(contribution):
-                total += contribution
+        if unit == 0.0:
+            # Products of lengths must not leave float32's range: edges are taken in units of one of them.
+            unit = _unit_of(points[k1] - p)
+            if not smooth:
+                unit0 = _unit_of(rest[k1] - rest[k])
+        a = (points[k1] - p) * unit
+        b = (points[k2] - p) * unit
+        across = wp.cross(a, b)
+        share = across
+        if not smooth:
+            share = _carried(normal, (rest[k1] - rest[k]) * unit0, (rest[k2] - rest[k]) * unit0, a, b, across)
+            share *= wp.sqrt(wp.dot(across, across) / wp.dot(share, share))
+        # Max: (a × b) / (|a|² |b|²).
+        share /= wp.dot(a, a) * wp.dot(b, b)
+        if is_finite(share):
+            total += share
     direction = safe_normalize(total)
     if at_rest or (not smooth and direction == wp.vec3(0.0, 0.0, 0.0)):
         normals[i] = normal

@@ -8,7 +8,7 @@ import mapbox_earcut
 import numpy as np
 import warp as wp
 
-from ..numerics import HUGE_SQUARED, TINY_SQUARED, max_component, triangle_point
+from ..numerics import max_component, triangle_point
 from ..records import DeviceScene, Hit
 from ..watched import Watched
 from .local_surface import LocalSurface
@@ -19,6 +19,10 @@ from .primvar import Primvar, interpolate
 SMOOTH = "smooth"
 #: Attributes of a mesh that say nothing of what it is made of.
 POINTS = ("stored", "handed_out", "rest")
+
+
+#: Triangles with sides between these have normals that float32 holds with room to spare.
+_SMALL, _LARGE = wp.constant(wp.float32(1e-6)), wp.constant(wp.float32(1e6))
 
 
 @dataclass
@@ -229,14 +233,12 @@ def mesh_surface(scene: DeviceScene, geometry: int, hit: Hit) -> LocalSurface:
 
 @wp.func
 def triangle_normal(p0: wp.vec3, p1: wp.vec3, p2: wp.vec3) -> wp.vec3:
-    """Direction of (p1 - p0) × (p2 - p0), computed at a scale where small and large triangles keep their digits."""
+    """Direction of (p1 - p0) × (p2 - p0), computed at a scale where products neither underflow nor overflow."""
     a = p1 - p0
     b = p2 - p0
-    n = wp.cross(a, b)
-    squared = wp.dot(n, n)
-    if squared > TINY_SQUARED and squared < HUGE_SQUARED:
-        return n
     largest = wp.max(max_component(wp.abs(a)), max_component(wp.abs(b)))
+    if largest > _SMALL and largest < _LARGE:
+        return wp.cross(a, b)
     if largest == 0.0:
         return wp.vec3(0.0, 0.0, 0.0)
     return wp.cross(a / largest, b / largest)

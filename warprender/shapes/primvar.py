@@ -82,11 +82,18 @@ def absent_primvar() -> PrimvarRecord:
 @wp.func
 def value_at(primvar: PrimvarRecord, index: int) -> wp.vec4:
     """Value number `index`, missing components 0."""
-    value = wp.vec4(0.0, 0.0, 0.0, 0.0)
-    first = index * primvar.width
-    for c in range(primvar.width):
-        value[c] = primvar.values[first + c]
-    return value
+    # One expression a width: a loop would fill the vector in memory, and wait for it to come back.
+    width = primvar.width
+    first = index * width
+    if width == 3:
+        return wp.vec4(primvar.values[first], primvar.values[first + 1], primvar.values[first + 2], 0.0)
+    if width == 1:
+        return wp.vec4(primvar.values[first], 0.0, 0.0, 0.0)
+    if width == 2:
+        return wp.vec4(primvar.values[first], primvar.values[first + 1], 0.0, 0.0)
+    return wp.vec4(
+        primvar.values[first], primvar.values[first + 1], primvar.values[first + 2], primvar.values[first + 3]
+    )
 
 
 @wp.func

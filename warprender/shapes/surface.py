@@ -6,7 +6,7 @@ from functools import cache
 
 import warp as wp
 
-from ..numerics import is_finite, linear_of, move_point, place_point, safe_normalize, translation_of
+from ..numerics import is_finite, linear_of, move_point, place_point, placed_point, safe_normalize, translation_of
 from ..records import MOVED, DeviceScene, Hit, Instance, Ray, Surface
 from .local_surface import LocalSurface
 from .mesh import mesh_surface
@@ -59,7 +59,7 @@ def place_function(bounded: bool) -> wp.Function:
             surface.position = position
             surface.error = error
         else:
-            surface.position = linear_of(placed.to_world) * local.position + translation_of(placed.to_world)
+            surface.position = placed_point(placed.to_world, local.position)
         surface.outgoing = -safe_normalize(ray.direction)
         cotangent = wp.transpose(linear_of(placed.to_object))
         n = local.geometric_normal

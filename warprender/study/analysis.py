@@ -36,6 +36,8 @@ class Row:
         rays: mean.
         rmse: root of the mean squared error over all pictures.
         relative_mse: mean.
+        true_error: root mean square of the relative error over lit pixels, which `frame.stats["error"]` estimates.
+        stated_error: of what the pictures stated, None below 4 samples; it knows of noise alone, not of bias.
         flip: mean, or None.
         bias: root of the squared bias over pixels, noise taken off; None for one picture.
         bias_sigmas: squared bias over its standard error; above 3 there is one. None for one picture, and where there
@@ -59,6 +61,8 @@ class Row:
     rays: float
     rmse: float
     relative_mse: float
+    true_error: float
+    stated_error: float | None
     flip: float | None
     bias: float | None
     bias_sigmas: float | None
@@ -92,6 +96,7 @@ def _row(
     processor, processor_spread = _median_and_spread([m.processor_seconds for m in measured])
     taken = processor if clock == "processor" else seconds
     mse = float(np.mean([m.rmse**2 for m in measured]))
+    stated = float(np.sqrt(np.mean([m.stated_error**2 for m in measured])))
     flips = [m.flip for m in measured if m.flip is not None]
     bias, sigmas, deviation = bias_and_deviation(pictures, reference) if len(measured) > 1 else (None,) * 3
     return Row(
@@ -107,6 +112,8 @@ def _row(
         rays=float(np.mean([m.rays for m in measured])),
         rmse=float(np.sqrt(mse)),
         relative_mse=float(np.mean([m.relative_mse for m in measured])),
+        true_error=float(np.sqrt(np.mean([m.true_error**2 for m in measured]))),
+        stated_error=stated if np.isfinite(stated) else None,
         flip=float(np.mean(flips)) if flips else None,
         bias=bias,
         bias_sigmas=sigmas if sigmas is not None and np.isfinite(sigmas) else None,

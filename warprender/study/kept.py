@@ -18,6 +18,7 @@ class Measurement:
 
     `seconds` are those of sampling (with denoising, and the outputs that guide it) by the clock; `processor_seconds`
     those of all threads together. `rays` are of all kinds, `samples` a pixel; `flip` is None without flip-evaluator.
+    `true_error` is what `stated_error`, `frame.stats["error"]`, estimates (`noise.true_errors`).
     """
 
     setting: str
@@ -29,6 +30,7 @@ class Measurement:
     relative_mse: float
     maximum: float
     flip: float | None
+    true_error: float
     stated_error: float
     samples: float
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import images
 from ..frame import Frame
+from ..noise import true_errors
 from ..renderer import Renderer
 from ..stopping import FEWEST_FOR_ERROR
 from .kept import Folder, Measurement, Reference
@@ -180,6 +181,7 @@ class Study:
             found.relative_mse,
             found.maximum,
             flip(color, reference.color)[0] if flip_available() else None,
+            true_errors(color, reference.color)[0],
             float(frame.stats["error"]),
             float(frame.stats["samples"]),
         )

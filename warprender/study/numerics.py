@@ -7,10 +7,12 @@ can show.
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
+from html import escape
 from pathlib import Path
 from statistics import median
 
@@ -21,24 +23,37 @@ from ..materials.microfacet import ggx_density
 from ..numerics import is_finite, safe_normalize, tangent_of
 from ..sampling import one_minus_cos, sample_stream
 from ..visibility.rays import RayCaster
+from .page import document, rows
+from .report import machine, packages
 
 _RAYS = 100_000
 _ROUNDS = 5
+_HEADS = ("case", "", "plain Warp or the textbook", "warprender", "cost")
+#: The table of all cases, as Markdown.
+_CATALOGUE = Path(__file__).with_name("catalogue.md")
+_OF_THE_CATALOGUE = (
+    "Every case, in words. A test holds the fourth column of each; figures of the third were measured with Warp 1.19 "
+    "on a CPU."
+)
 
 
 @dataclass(frozen=True)
 class Case:
-    """One line of the table: the case's number and name, both outcomes, and the cost of ours, in words."""
+    """One line of the table: the case's number and name, both outcomes, and the cost of ours, in words.
+
+    `measured` says whether the outcomes were measured on this machine; else they are those of the catalogue.
+    """
 
     number: str
     name: str
     plain: str
     ours: str
     cost: str
+    measured: bool = True
 
 
 def measure_cases(progress: Callable[[float, str], None] = lambda done, words: None) -> list[Case]:
-    """Run every case; a quarter of a minute."""
+    """Run every case that can be shown by a figure; a quarter of a minute."""
     found = []
     for number, measure in enumerate(_CASES):
         progress(number / len(_CASES), measure.__name__.strip("_").replace("_", " "))
@@ -46,20 +61,46 @@ def measure_cases(progress: Callable[[float, str], None] = lambda done, words: N
     return found
 
 
-def write_cases(cases: Sequence[Case], folder: str | Path) -> None:
-    """Write numerics.md and numerics.json into a folder, which is made where it does not exist."""
+def catalogue() -> list[Case]:
+    """All cases, as the tests hold them."""
+    lines = _CATALOGUE.read_text(encoding="utf-8").splitlines()[2:]
+    return [Case(*(cell.strip() for cell in line.strip("|").split("|")), measured=False) for line in lines]
+
+
+def write_cases(measured: Sequence[Case], folder: str | Path) -> None:
+    """Write numerics.md, numerics.json and numerics.html into a folder, which is made where it does not exist."""
     folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"{folder}: is a file; the table needs a folder")
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "numerics.md").write_text(markdown(cases), encoding="utf-8")
-    text = json.dumps([asdict(case) for case in cases], indent=2, ensure_ascii=False)
+    (folder / "numerics.md").write_text(markdown(measured), encoding="utf-8")
+    text = json.dumps([asdict(case) for case in (*measured, *catalogue())], indent=2, ensure_ascii=False)
     (folder / "numerics.json").write_text(text + "\n", encoding="utf-8")
+    parts = []
+    for title, words, cases in _sections(measured):
+        lines = [(c.number, c.name, c.plain, c.ours, c.cost) for c in cases]
+        parts += [f"<h2>{title}</h2><p>{words}</p>", rows(_HEADS, lines, kind="words")]
+    facts = {**machine("cpu", os.cpu_count() or 1), **packages()}
+    parts.append("<p>" + escape("; ".join(f"{name} {value}" for name, value in facts.items())) + "</p>")
+    (folder / "numerics.html").write_text(document("Hard cases", parts), encoding="utf-8")
 
 
-def markdown(cases: Sequence[Case]) -> str:
-    """The table."""
-    lines = ["| case | | plain Warp or the textbook | warprender | cost |", "|---|---|---|---|---|"]
-    lines += [f"| {c.number} | {c.name} | {c.plain} | {c.ours} | {c.cost} |" for c in cases]
-    return "\n".join(lines) + "\n"
+def markdown(measured: Sequence[Case]) -> str:
+    """Both tables: what was measured, and the catalogue."""
+    text = ""
+    for title, words, cases in _sections(measured):
+        lines = [f"| {' | '.join(_HEADS)} |", "|" + "---|" * len(_HEADS)]
+        lines += [f"| {c.number} | {c.name} | {c.plain} | {c.ours} | {c.cost} |" for c in cases]
+        text += f"## {title}\n\n{words}\n\n" + "\n".join(lines) + "\n\n"
+    return text.rstrip() + "\n"
+
+
+def _sections(measured: Sequence[Case]) -> tuple[tuple[str, str, Sequence[Case]], ...]:
+    """Title, what it is, and lines of each table."""
+    return (
+        ("Measured here", "Outcomes and times on this machine, now.", measured),
+        ("The whole catalogue", _OF_THE_CATALOGUE, catalogue()),
+    )
 
 
 def _rays_at_vertices() -> Case:

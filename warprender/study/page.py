@@ -34,7 +34,9 @@ tbody tr:nth-child(even) { background: #f3f3f3 } .best td { font-weight: bold }
 .front td:nth-child(2), .front th:nth-child(2) { text-align: left }
 dl { display: grid; grid-template-columns: max-content minmax(0, 1fr); gap: 0.1em 1em; font-size: 14px }
 dt { color: #555 } dd { margin: 0; overflow-wrap: anywhere }
-.scale { height: 0.8em; max-width: 13em; background: linear-gradient(90deg, SCALE) }"""
+.words { white-space: normal } .words td, .words th { text-align: left; vertical-align: top; min-width: 7em }
+.words td:first-child, .words th:first-child { min-width: 0 }
+.scale { height: 0.8em; max-width: 13em }"""
 
 _COLUMNS = {
     "setting": "knob, its value, and samples a pixel at most",
@@ -58,7 +60,6 @@ def page(
     """The whole page; `slopes` are of the samplers, with half of their 95 % confidence intervals."""
     seconds = "processor seconds" if account.clock == "processor" else "seconds"
     parts = [
-        f"<h1>{escape(account.title)}</h1>",
         *_summary(study, found, reference, account),
         *_front(found, seconds),
         *_knobs(found, account.usual, seconds),
@@ -70,11 +71,17 @@ def page(
         *_table(found),
         *_measured(reference, account),
     ]
-    style = _STYLE.replace("SCALE", ", ".join(_scale()))
+    return document(account.title, parts)
+
+
+def document(title: str, parts: Sequence[str]) -> str:
+    """A whole page of parts in HTML, with the style of all reports."""
     head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
     return (
-        f'<!doctype html>\n<html lang="en"><head>{head}<title>{escape(account.title)}</title>'
-        f"<style>{style}</style></head>\n<body><main>\n" + "\n".join(parts) + "\n</main></body></html>\n"
+        f'<!doctype html>\n<html lang="en"><head>{head}<title>{escape(title)}</title>'
+        f"<style>{_STYLE}</style></head>\n<body><main>\n<h1>{escape(title)}</h1>\n"
+        + "\n".join(parts)
+        + "\n</main></body></html>\n"
     )
 
 
@@ -108,7 +115,7 @@ def _front(found: Sequence[Row], seconds: str) -> Iterator[str]:
         (str(number), row.setting, f"{row.time:.3g}", f"{row.rmse:.3g}", _number(row.flip), _bias_of(row))
         for number, row in enumerate(best, 1)
     ]
-    yield _rows(heads, lines, kind="front")
+    yield rows(heads, lines, kind="front")
 
 
 def _knobs(found: Sequence[Row], usual: str, seconds: str) -> Iterator[str]:
@@ -181,7 +188,8 @@ def _pictures(study: Study, found: Sequence[Row], reference: Reference) -> Itera
     yield (
         "<p>Each curve at its most samples. The error map shows the relative difference, from 0 (black) to 1 and "
         "beyond; the crops are where picture and reference differ most.</p>"
-        '<div class="scale" role="img" aria-label="Colors of the error maps from 0 to 1"></div>'
+        '<div class="scale" role="img" aria-label="Colors of the error maps from 0 to 1" '
+        f'style="background: linear-gradient(90deg, {", ".join(_scale())})"></div>'
         '<p style="max-width: 13em; display: flex; justify-content: space-between; margin: 0"><span>0</span>'
         "<span>≥ 1</span></p>"
     )
@@ -211,7 +219,7 @@ def _table(found: Sequence[Row]) -> Iterator[str]:
         )
         for row in found
     ]  # fmt: skip
-    yield _rows(tuple(_COLUMNS), lines, [row.best for row in found])
+    yield rows(tuple(_COLUMNS), lines, [row.best for row in found])
     yield "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in _COLUMNS.items()) + "</dl>"
 
 
@@ -239,18 +247,31 @@ def _measured(reference: Reference, account: Account) -> Iterator[str]:
     yield "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>"
 
 
-def _rows(heads: Sequence[str], lines: Sequence[Sequence[str]], bold: Sequence[bool] = (), kind: str = "") -> str:
-    """A table that scrolls where the window is narrow."""
+def rows(heads: Sequence[str], lines: Sequence[Sequence[str]], bold: Sequence[bool] = (), kind: str = "") -> str:
+    """A table that scrolls where the window is narrow.
+
+    Args:
+        heads: of the columns.
+        lines: cells, in which backquotes mark code.
+        bold: which lines are.
+        kind: class of the table: "front", "words" or none.
+    """
     marks = [' class="best"' if best else "" for best in bold] or [""] * len(lines)
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
     body = "\n".join(
-        f"<tr{mark}>" + "".join(f"<td>{escape(cell)}</td>" for cell in line) + "</tr>"
+        f"<tr{mark}>" + "".join(f"<td>{_inline(cell)}</td>" for cell in line) + "</tr>"
         for mark, line in zip(marks, lines, strict=True)
     )
     return (
         f'<div class="scroll" tabindex="0"><table class="{kind}"><thead><tr>{head}</tr></thead>\n'
         f"<tbody>{body}</tbody></table></div>"
     )
+
+
+def _inline(text: str) -> str:
+    """Escaped, with what stands in backquotes as code."""
+    parts = escape(text).split("`")
+    return "".join(f"<code>{part}</code>" if number % 2 else part for number, part in enumerate(parts))
 
 
 def _number(value: float | None) -> str:

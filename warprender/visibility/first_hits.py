@@ -214,18 +214,17 @@ def _matrices_to_clip(first: wp.int32, to_clip: wp.mat44d, world: World, matrice
     matrices[i] = to_clip * placed
 
 
-@wp.kernel(module="unique", enable_backward=False)
-def _box_pixels(first: wp.int32, matrices: wp.array(dtype=wp.mat44d), world: World, size: wp.vec2i, rayed: ForRays):
-    i = first + wp.tid()
-    to_clip = matrices[rayed.instances[i]]
+@wp.func
+def box_pixels(to_clip: wp.mat44d, lower: wp.vec3, upper: wp.vec3, size: wp.vec2i) -> wp.vec4i:
+    """Left, top, right and bottom of the pixels of a picture that may see a box; all of them where it has no end."""
     low = wp.vec2d(wp.float64(wp.inf), wp.float64(wp.inf))
     high = -low
     before_eye = wp.bool(True)
     for k in range(8):
         corner = wp.vec4d(
-            wp.float64(wp.where((k & 1) != 0, rayed.uppers[i][0], rayed.lowers[i][0])),
-            wp.float64(wp.where((k & 2) != 0, rayed.uppers[i][1], rayed.lowers[i][1])),
-            wp.float64(wp.where((k & 4) != 0, rayed.uppers[i][2], rayed.lowers[i][2])),
+            wp.float64(wp.where((k & 1) != 0, upper[0], lower[0])),
+            wp.float64(wp.where((k & 2) != 0, upper[1], lower[1])),
+            wp.float64(wp.where((k & 4) != 0, upper[2], lower[2])),
             wp.float64(1.0),
         )
         clip = to_clip * corner
@@ -245,7 +244,15 @@ def _box_pixels(first: wp.int32, matrices: wp.array(dtype=wp.mat44d), world: Wor
             end = wp.clamp((high[a] * half + half) * pixels + margin, wp.float64(0.0), pixels)
             box[a] = wp.int32(wp.floor(begin))
             box[a + 2] = wp.int32(wp.ceil(end))
-    if world.instances[rayed.instances[i]].placed == wp.static(NOT_DRAWN):
+    return box
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def _box_pixels(first: wp.int32, matrices: wp.array(dtype=wp.mat44d), world: World, size: wp.vec2i, rayed: ForRays):
+    i = first + wp.tid()
+    instance = rayed.instances[i]
+    box = box_pixels(matrices[instance], rayed.lowers[i], rayed.uppers[i], size)
+    if world.instances[instance].placed == wp.static(NOT_DRAWN):
         box = wp.vec4i(0, 0, 0, 0)
     rayed.boxes[i] = box
 
@@ -289,10 +296,10 @@ def _ray_kernel(effects: tuple[str, ...], sdfs: tuple[wp.Function, ...]) -> wp.K
 
 
 @wp.func
-def draw_of(first_face: wp.array(dtype=wp.int32), face: wp.int32) -> wp.int32:
-    """The last draw whose first face is not behind `face`."""
-    low = wp.int32(0)
-    high = first_face.shape[0] - 1
+def draw_of(first_face: wp.array(dtype=wp.int32), first: wp.int32, end: wp.int32, face: wp.int32) -> wp.int32:
+    """Of the draws from number `first` up to `end`, the last whose first face is not behind `face`."""
+    low = first
+    high = end - 1
     while low < high:
         middle = (low + high + 1) // 2
         if first_face[middle] <= face:
@@ -357,7 +364,7 @@ def _raster_kernel(effects: tuple[str, ...], by_rays: bool, sdfs: tuple[wp.Funct
                     hit = closest(scene, camera_ray(camera, px, py, wp.vec2(0.5, 0.5)))
             if face[y, x] >= 0 and by_ray[y, x] == wp.uint8(0):
                 ray = camera_ray(camera, px, py, wp.vec2(0.5, 0.5))
-                instance = draw_of(first_face, face[y, x])
+                instance = draw_of(first_face, 0, first_face.shape[0], face[y, x])
                 hit = rastered(scene, ray, instance, face[y, x] - first_face[instance], u[y, x], v[y, x])
             hits[y, x] = hit
 

@@ -136,7 +136,8 @@ struct World {
     wp::uint64 tree, nodes, items;  // wp.Bvh over the instances' boxes, collapsed
     wp::uint64 few;                 // Few, 0 without
     float pad;                      // what transforms may add to a box, in units of the ray origin's largest component
-    int listed;                     // 1: only the instances members[first_member] to members[last_member - 1] are there
+    int listed;                     // 1, 2: only the instances members[first_member] to members[last_member - 1] are
+                                    // there; 2: nodes and items are a tree over them
     int first_member, last_member;
     const int* members;
     const wp::vec3 *lowers, *uppers;  // the instances' boxes
@@ -204,16 +205,15 @@ struct World {
     WR_WALK void trace(const World& w, const Lane& ray, bool any, Answer& best)
     {
         float pad = w.pad * Bound::extreme(ray.o);
-        if (w.listed) {
+        if (w.listed == 1) {
             walk_members(w, ray, pad, any, best);
             return;
         }
-        if (w.count == 1) {
-            visit(w, 0, ray, any, best);
+        if (w.listed == 0 && w.count < 2) {
+            if (w.count == 1)
+                visit(w, 0, ray, any, best);
             return;
         }
-        if (w.count == 0)
-            return;
 #ifdef WR_SCALAR
         walk_binary(w, ray, pad, any, best);
 #else

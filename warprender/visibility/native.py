@@ -35,6 +35,8 @@ _COLLAPSE = (
 """
 )
 
+_WORLD_TREES = _COLLAPSE + Path(__file__).with_name("world_trees.h").read_text()
+
 bits5 = wp.types.vector(length=5, dtype=wp.int32)
 
 _WORLD = """
@@ -225,6 +227,23 @@ def gather_few(
     few: wp.uint64, geometries: wp.array(dtype=Geometry), instances: wp.array(dtype=Instance), count: wp.int32
 ):
     """Collect the triangles of all instances, if they are few and only moved (CPU)."""
+    ...
+
+
+@wp.func_native(
+    _WORLD_TREES
+    + """
+    WorldTree::build(lowers.data, uppers.data, (int*)(items), count, (Wide::Node*)(nodes));
+"""
+)
+def build_world_tree(
+    lowers: wp.array(dtype=wp.vec3),
+    uppers: wp.array(dtype=wp.vec3),
+    items: wp.uint64,
+    count: wp.int32,
+    nodes: wp.uint64,
+):
+    """Make a tree over the instances that `items` names, with boxes (CPU); room for `count` + 1 nodes."""
     ...
 
 

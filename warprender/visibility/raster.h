@@ -457,15 +457,18 @@ struct Keyed {
     {
         long long pixel = (long long)(y) * task.width + x;
         unsigned long long key = ((const unsigned long long*)(task.keys.data))[pixel];
+        bool deep = task.depth.data;
         task.face.data[pixel] = -1;
-        task.depth.data[pixel] = 1.0f;
+        if (deep)
+            task.depth.data[pixel] = 1.0f;
         task.u.data[pixel] = task.v.data[pixel] = 0.0f;
         Triangle t;
         int face = (int)(key & 0xffffffffu);
         if (key == ~0ull || !make(t, task, face))
             return;
         task.face.data[pixel] = face;
-        task.depth.data[pixel] = depth_of(key);
+        if (deep)
+            task.depth.data[pixel] = depth_of(key);
         double a = Triangle::column(task.width, x), b = Triangle::row(task.height, y);
         Triangle::barycentrics(t, a, b, task.u.data[pixel], task.v.data[pixel]);
     }
@@ -1274,7 +1277,8 @@ struct Tile {
                     barycentrics(task, x, y, face, hits, u, v);
                 Int8 hit = Wide::mask(hits);
                 store((float*)(task.face.data) + pixel, *(Float8*)(&face), count);
-                store(task.depth.data + pixel, hit ? depth_of(*keys) : Float8(1.0f), count);
+                if (task.depth.data)
+                    store(task.depth.data + pixel, hit ? depth_of(*keys) : Float8(1.0f), count);
                 store(task.u.data + pixel, hit ? u : Float8(0.0f), count);
                 store(task.v.data + pixel, hit ? v : Float8(0.0f), count);
             }

@@ -117,7 +117,14 @@ class DrawList:
         task.meshes = wp.array(self._meshes, dtype=Triangles, device=self.device)
         task.mesh = wp.array(self._mesh, dtype=wp.int32, device=self.device)
         task.first_face, task.matrices = self.first_face, self.matrices
+        # What CUDA's kernels leave to each other, made for the first picture.
+        self._kept: tuple[wp.array, wp.array] | None = None
+        self._large: tuple[wp.array, wp.array] | None = None
         task.chunks = wp.array(_chunks(first_face, self._face_count), dtype=wp.int32, device=self.device)
+
+    def place(self, matrices: wp.array) -> None:
+        """Take the draws to clip space by another array (D,) of matrices."""
+        self.matrices = self._task.matrices = matrices
 
     def rasterize(
         self, width: int, height: int, threads: int | None = None, cull: str = "none", into: Raster | None = None
@@ -165,9 +172,12 @@ class DrawList:
         return seen
 
     def _prepare_keys(self) -> None:
-        task = self._task
-        task.keys = wp.full(task.width * task.height, 2**64 - 1, wp.uint64, device=self.device)
-        task.faults = wp.full(1, -1, wp.int32, device=self.device)
+        task, pixels = self._task, self._task.width * self._task.height
+        if self._kept is None or len(self._kept[0]) != pixels:
+            self._kept = tuple(wp.empty(n, t, device=self.device) for n, t in ((pixels, wp.uint64), (1, wp.int32)))
+        task.keys, task.faults = self._kept
+        task.keys.fill_(2**64 - 1)
+        task.faults.fill_(-1)
 
     def _draw_in_bins(self, threads: int) -> None:
         task, chunks = self._task, self._task.chunks.shape[0]
@@ -186,11 +196,17 @@ class DrawList:
     def _draw_by_keys(self) -> None:
         task, pixels = self._task, self._task.width * self._task.height
         self._prepare_keys()
-        task.entries = wp.empty(3 * self._face_count, wp.int32, device=self.device)
-        task.taken = wp.zeros(1, wp.int32, device=self.device)
+        first_picture = self._large is None
+        if first_picture:
+            sizes = 3 * self._face_count, 1
+            self._large = tuple(wp.empty(size, wp.int32, device=self.device) for size in sizes)
+        task.entries, task.taken = self._large
+        task.taken.zero_()
         for kernel, count in zip(keyed_kernels(), (self._face_count, pixels, pixels), strict=True):
             launch(kernel, count, [task], self.device, threads=1)
-        self._check_faults(task.faults.numpy())
+        # Later pictures leave out what is out of range, and nobody waits for the device.
+        if first_picture:
+            self._check_faults(task.faults.numpy())
 
     def _check_faults(self, faults: np.ndarray) -> None:
         """Raise a ValueError for a face with an index out of range; -1 stands for none."""

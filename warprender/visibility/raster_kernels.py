@@ -7,8 +7,8 @@ from pathlib import Path
 
 import warp as wp
 
-_OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": "-march=native"}
-_HEADER = (Path(__file__).parent / "raster.h").read_text()
+OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": "-march=native"}
+HEADER = (Path(__file__).parent / "raster.h").read_text()
 
 
 @wp.struct
@@ -60,10 +60,10 @@ class RasterTask:
 def bin_kernel() -> wp.Kernel:
     """Chunks of triangles to bins; an item is a thread at work."""
 
-    @wp.func_native(_HEADER + "Binner::run_all(task);")
+    @wp.func_native(HEADER + "Binner::run_all(task);")
     def bin_chunks(task: RasterTask): ...
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def bin_triangles(first: wp.int32, task: RasterTask):
         bin_chunks(task)
 
@@ -74,10 +74,10 @@ def bin_kernel() -> wp.Kernel:
 def fill_kernel() -> wp.Kernel:
     """What is in the bins to pixels; an item is a thread at work."""
 
-    @wp.func_native(_HEADER + "Tile::run_all(task, worker);")
+    @wp.func_native(HEADER + "Tile::run_all(task, worker);")
     def fill_bins(task: RasterTask, worker: wp.int32): ...
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def draw_bins(first: wp.int32, task: RasterTask):
         fill_bins(task, first + wp.tid())
 
@@ -88,25 +88,25 @@ def fill_kernel() -> wp.Kernel:
 def keyed_kernels() -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
     """One thread a triangle, then one a pixel for the large ones, then one a pixel for what users see."""
 
-    @wp.func_native(_HEADER + "Keyed::draw(task, face);")
+    @wp.func_native(HEADER + "Keyed::draw(task, face);")
     def draw_face(task: RasterTask, face: wp.int32): ...
 
-    @wp.func_native(_HEADER + "Keyed::draw_large(task, x, y);")
+    @wp.func_native(HEADER + "Keyed::draw_large(task, x, y);")
     def draw_large_faces(task: RasterTask, x: wp.int32, y: wp.int32): ...
 
-    @wp.func_native(_HEADER + "Keyed::finish(task, x, y);")
+    @wp.func_native(HEADER + "Keyed::finish(task, x, y);")
     def finish_pixel(task: RasterTask, x: wp.int32, y: wp.int32): ...
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def draw_faces(first: wp.int32, task: RasterTask):
         draw_face(task, first + wp.tid())
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def draw_large(first: wp.int32, task: RasterTask):
         pixel = first + wp.tid()
         draw_large_faces(task, pixel % task.width, pixel // task.width)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def finish_pixels(first: wp.int32, task: RasterTask):
         pixel = first + wp.tid()
         finish_pixel(task, pixel % task.width, pixel // task.width)
@@ -118,18 +118,18 @@ def keyed_kernels() -> tuple[wp.Kernel, wp.Kernel, wp.Kernel]:
 def painter_kernels() -> tuple[wp.Kernel, wp.Kernel]:
     """By what triangles are sorted; and the painting, a band of rows an item."""
 
-    @wp.func_native(_HEADER + "return Painter::depth(task, face);")
+    @wp.func_native(HEADER + "return Painter::depth(task, face);")
     def sort_depth(task: RasterTask, face: wp.int32) -> wp.float32: ...
 
-    @wp.func_native(_HEADER + "Painter::band(task, number);")
+    @wp.func_native(HEADER + "Painter::band(task, number);")
     def paint_band(task: RasterTask, number: wp.int32): ...
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def measure(first: wp.int32, task: RasterTask, depth: wp.array(dtype=wp.float32)):
         face = first + wp.tid()
         depth[face] = sort_depth(task, face)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=_OPTIONS)
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def paint_bands(first: wp.int32, task: RasterTask):
         paint_band(task, first + wp.tid())
 

@@ -54,6 +54,7 @@ class WorldTree:
         self._geometries = wp.empty(len(self.shapes), dtype=Geometry, device=self.device)
         self._placed.drawn = wp.empty(count, dtype=wp.int32, device=self.device)
         self._count = count
+        self._known: dict[int, tuple[float, ...]] = {}
         self._attachments = Attachments()
         self.world = World()
         self.place_at_rest(to_world)
@@ -117,8 +118,13 @@ class WorldTree:
     def _read_shape(self, number: int) -> None:
         shape = self.shapes[number]
         shape.store_box(self._shapes.lowers, self._shapes.uppers, number)
-        self._shapes.scales[number : number + 1].fill_(shape.scale)
-        self._geometries[number : number + 1].assign([shape.geometry()])
+        record = shape.geometry()
+        known = shape.scale, record.kind, record.radius, record.mesh, record.nodes, record.blocks
+        # A refitted tree lies where it lay: nothing goes to the device then.
+        if self._known.get(number) != known:
+            self._known[number] = known
+            self._shapes.scales[number : number + 1].fill_(shape.scale)
+            self._geometries[number : number + 1].assign([record])
 
     def _place(self) -> None:
         launch_placing(self._rest, self._attachments, self._shapes, self._origin, self._placed)
