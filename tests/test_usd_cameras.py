@@ -113,3 +113,13 @@ def test_velocities_do_not_carry_instances_back_to_the_earliest_time():
 def test_an_extent_without_size_leaves_the_bounds_to_the_placements():
     scene = scene_of('def Sphere "s" { float3[] extent = [(0, 0, 0), (0, 0, 0)] }')
     assert auto_camera(scene).transform[3, 2] > 2
+
+
+@pytest.mark.parametrize("name", ["fStop", "focusDistance"])
+def test_a_lens_that_is_no_number_is_a_pinhole(name):
+    values = {"fStop": 2, "focusDistance": 3, name: "nan"}
+    lines = "\n".join(f"float {key} = {value}" for key, value in values.items())
+    scene = scene_of(f'def Camera "c" {{ {lines}\n}}')
+    camera = scene.cameras["/c"]
+    assert camera.fault() == "" and "lens" not in camera.effects()
+    assert scene.warnings == [f"/c: {name} is nan; 0 is taken, a pinhole"]

@@ -16,9 +16,9 @@ NUMBERS = (
     "verticalAperture",
     "horizontalApertureOffset",
     "verticalApertureOffset",
-    "fStop",
-    "focusDistance",
 )
+#: Likewise, of the depth of field.
+LENS = ("fStop", "focusDistance")
 
 
 def read_cameras(reading: Reading) -> None:
@@ -44,7 +44,17 @@ def read_camera(reading: Reading, schema: UsdGeom.Camera, cache: UsdGeom.XformCa
         **_shutter(reading, schema),
         transform=np.array(cache.GetLocalToWorldTransform(prim), np.float64),
         **{name: float(reading.get(prim.GetAttribute(name))) for name in NUMBERS},
+        **{name: _of_the_lens(reading, prim, name) for name in LENS},
     )
+
+
+def _of_the_lens(reading: Reading, prim: Usd.Prim, name: str) -> float:
+    """An attribute of the depth of field; a remark and 0, which is a pinhole, where it is no number."""
+    value = float(reading.get(prim.GetAttribute(name)))
+    if not np.isnan(value) and (name != "fStop" or np.isfinite(value)):
+        return value
+    reading.remark(prim, f"{name} is {value}; 0 is taken, a pinhole")
+    return 0.0
 
 
 def _clipping_planes(reading: Reading, schema: UsdGeom.Camera) -> tuple[tuple[float, ...], ...]:
