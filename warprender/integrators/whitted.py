@@ -23,7 +23,8 @@ from ..records import DeviceScene, Hit, Ray, Surface
 from ..sampling import SampleStream
 from ..visibility.sdf import ray_functions
 from .direct import reflected_function
-from .lighting import Departure, glow_function, is_across, medium_towards, met_function, transmittance
+from .lighting import Departure, is_across, medium_towards, transmittance
+from .meeting import glow_function, met_function
 from .samples import PathRequest, PathResult
 
 #: Rays that may wait; only layers of clear mirrors need more.
