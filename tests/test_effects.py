@@ -202,8 +202,8 @@ def test_code_of_effects_is_compiled_where_they_occur_alone():
 
 
 def rays_of(scene, view, size=8, samples=16, **options):
-    """Rays of each kind a sample, and the transport."""
-    renderer = prepare(scene, view, size, **options)
+    """Rays of each kind a sample, and the transport, which the plan chooses unless it is asked for."""
+    renderer = prepare(scene, view, size, **{"transport": "auto", **options})
     rays = renderer.render(samples=samples).stats["rays"]
     return {kind: count / (samples * size**2) for kind, count in rays.items()}, renderer.plan.transport
 
@@ -221,7 +221,7 @@ def filled(material=None, **options):
 
 def test_what_emits_or_is_black_traces_no_further_ray():
     for material in (GLOWING, BLACK):
-        rays, transport = rays_of(*filled(material), transport="auto", camera_light="on")
+        rays, transport = rays_of(*filled(material), camera_light="on")
         assert transport == "local" and rays["bounce"] == rays["shadow"] == 0
     rays, transport = rays_of(*filled(color=(0,) * 3), camera_light="on")
     assert transport == "local" and rays["bounce"] == rays["shadow"] == 0

@@ -274,13 +274,13 @@ def test_M6_a_shutter_of_no_time_costs_nothing():
         raise AssertionError("the scene was moved")
 
     scene.motion = never
-    renderer = wr.Renderer(scene, camera, (16, 16), transport="local")
-    frame = renderer.render(samples=4)
-    assert renderer.plan.shutter is None and "motion blur" in renderer.plan.absent
+    plan = wr.Renderer(scene, camera, (16, 16), transport="local").plan
+    assert plan.shutter is None and "motion blur" in plan.absent
+    frame = prepare(scene, camera, transport="local").render(samples=4)
     scene.motion = None
-    plain = wr.Renderer(scene, camera, (16, 16), transport="local")
-    assert plain.plan.path == renderer.plan.path
-    np.testing.assert_array_equal(plain.render(samples=4).numpy("color"), frame.numpy("color"))
+    assert wr.Renderer(scene, camera, (16, 16), transport="local").plan.path == plan.path
+    plain = prepare(scene, camera, transport="local").render(samples=4)
+    np.testing.assert_array_equal(plain.numpy("color"), frame.numpy("color"))
 
 
 def test_nothing_is_compiled_for_motion():

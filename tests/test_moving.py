@@ -90,7 +90,7 @@ def test_paths_follow_posed_bodies_to_the_bit():
 @pytest.mark.parametrize("visibility", VISIBILITIES)
 def test_colour_without_paths_follows_to_the_bit(visibility):
     def renderer(scene):
-        return wr.Renderer(scene, CAMERA, (24, 24), visibility=visibility, transport="local")
+        return prepare(scene, CAMERA, 24, visibility=visibility, transport="local")
 
     scene = bodies()
     moving = renderer(scene)

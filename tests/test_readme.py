@@ -13,8 +13,8 @@ from warprender.outputs import FILM_OUTPUTS, OUTPUTS
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 OUTPUT_TABLE = (ROOT / "docs" / "outputs.md").read_text(encoding="utf-8")
-#: What the programs in examples/ take besides.
-EXAMPLES_FLAGS = {"--out", "--width", "--time"}
+#: What the programs in examples/ and tests/benchmarks/ take besides.
+EXAMPLES_FLAGS = {"--out", "--width", "--time", "--processor"}
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 TYPES = {wp.float32: "float32", wp.int32: "int32", wp.vec3: "3 × float32"}
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import warprender as wr
 from warprender import images
 from warprender.cli import main
 from warprender.plan import TRANSPORTS, RenderPlan
-from warprender.study import analysis, crops, measure, plots
+from warprender.study import analysis, crops, leaks, measure, plots
 from warprender.study.kept import Reference
 from warprender.study.settings import ladder, sweep
 
@@ -121,8 +122,11 @@ class TestCommand:
         kept = (folder / "measurements.jsonl").read_text()
         assert kept.count("\n") == 3 and not (folder / "report.html").exists()
 
-        # A line that was cut off is measured again; the others are kept.
+        # A line that was cut off is measured again, and one whose picture was; the others are kept.
+        spoilt = folder / "pictures" / f"{json.loads(kept.splitlines()[2])['setting']}, seed 0.npy"
+        spoilt.write_bytes(spoilt.read_bytes()[:200])
         (folder / "measurements.jsonl").write_text(kept + '{"setting": "sampler')
+        kept = "".join(kept.splitlines(keepends=True)[:2])
         monkeypatch.setattr(measure.Study, "_measure", whole)
         reference = (folder / "reference.exr").read_bytes()
         assert study(folder) == 0
@@ -131,10 +135,15 @@ class TestCommand:
         assert (folder / "measurements.jsonl").read_text().startswith(kept)
 
         page = (folder / "report.html").read_text()
-        assert "http" not in page.replace("https://", "http").split("<body>")[0] and page.count("data:image/png") > 8
+        # Nothing comes from elsewhere, and every picture is described.
+        assert "http" not in page and all(source.startswith("data:") for source in re.findall(r'src="([^"]*)', page))
+        assert page.count("data:image/png") > 8 and page.count("data:image/svg+xml") > 8
+        assert all(len(alt) > 10 for alt in re.findall(r'alt="([^"]*)', page)) and 'alt=""' not in page
         rows = list(csv.DictReader(open(folder / "results.csv")))
         results = json.loads((folder / "results.json").read_text())
-        assert [r["setting"] for r in rows] == [r["setting"] for r in results["settings"]]
+        for row, result in zip(rows, results["settings"], strict=True):
+            assert row == {name: "" if value is None else str(value) for name, value in result.items()}
+        assert results["fast rays"]["rays"] > 0 and results["machine"]["processor"] and results["packages"]["numpy"]
         assert {r["knob"] for r in rows} >= {"sampler", "bounces"}
         by_name = {r["setting"]: r for r in results["settings"]}
         # Without bounces the room lacks its indirect light; with as many as matter nothing but noise is missing.
@@ -156,6 +165,11 @@ class TestCommand:
         assert main(other) == 1
         error = capsys.readouterr().err
         assert error.count("\n") == 1 and "another resolution" in error
+        for name in ("reference.exr", "study.json"):
+            (folder / name).write_bytes(b"{")
+            assert study(folder) == 1
+            error = capsys.readouterr().err
+            assert error.count("\n") == 1 and name in error
 
     def test_a_picture_as_reference_and_a_budget(self, tmp_path, capsys):
         reference = tmp_path / "reference.exr"
@@ -167,6 +181,42 @@ class TestCommand:
         assert study(tmp_path / "a", "--reference", str(small)) == 1
         error = capsys.readouterr().err
         assert error.count("\n") == 1 and "small.exr" in error and "16x8" in error
+
+    @pytest.mark.parametrize(
+        ("layers", "message"),
+        [
+            ({"color": np.full((16, 16), 0.5)}, "1 channels; a reference needs R, G and B"),
+            ({"depth": np.full((16, 16), 0.5)}, "no layer color"),
+            ({"color": np.where(np.arange(256).reshape(16, 16, 1) == 37, np.nan, np.ones(3))}, r"(x=5, y=2)"),
+        ],
+    )
+    def test_what_is_no_reference_is_one_line(self, tmp_path, capsys, layers, message):
+        file = tmp_path / "reference.exr"
+        images.write(file, {name: values.astype(np.float32) for name, values in layers.items()})
+        assert study(tmp_path / "a", "--reference", str(file)) == 1
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1 and "reference.exr" in error and message in error
+
+
+def test_leaks_are_those_of_fast_rays_alone():
+    # A cube of many equal squares: its edges lie on planes that boxes share.
+    n = 16
+    x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    square = np.stack([first, first + 1, first + n + 2, first + n + 1], 1)
+    points, faces = [], []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            faces.append(square + len(points) * x.size)
+            points.append(np.roll(np.stack([x.ravel(), y.ravel(), np.full(x.size, side)], 1), axis, axis=1))
+    scene = wr.Scene()
+    scene.add_mesh("/cube", np.concatenate(points), np.concatenate(faces))
+    found = leaks.measure_leaks(scene, rays=5000)
+    assert found.mesh == "/cube" and found.triangles == 12 * n * n and found.time > 0
+    # 1.5 % at vertices and 0.5 % at edges of closed meshes; of random rays about one in a million.
+    assert found.vertices > 10 and found.edges > 0 and found.faces <= 1
+    assert f"{found.vertices} aimed at vertices" in found.words()
+    assert leaks.measure_leaks(wr.Scene()) is None
 
 
 def test_without_matplotlib_it_says_what_to_install(tmp_path, capsys, monkeypatch):

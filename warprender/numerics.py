@@ -98,13 +98,9 @@ def from_frame(tangent: wp.vec3, n: wp.vec3, v: wp.vec3) -> wp.vec3:
 @wp.func
 def next_up(x: wp.float32) -> wp.float32:
     """The smallest float32 above a finite x."""
-    bits = wp.cast(x, wp.int32)
-    if x == 0.0:
-        bits = 1
-    elif x > 0.0:
-        bits += 1
-    else:
-        bits -= 1
+    # The sum makes -0 into 0.
+    bits = wp.cast(x + 0.0, wp.int32)
+    bits += wp.where(bits >= 0, 1, -1)
     return wp.cast(bits, wp.float32)
 
 
@@ -159,6 +155,14 @@ def place_point(to_world: mat34, to_object: mat34, p: wp.vec3, error: wp.vec3):
 
 
 @wp.func
+def move_point(translation: wp.vec3, back: wp.vec3, p: wp.vec3, error: wp.vec3):
+    """`place_point` for matrices that only move points, there by `translation` and back by `back`: the same bits."""
+    q = translation + p
+    bound = (wp.abs(translation) + wp.abs(p)) * GAMMA_3 + error * (1.0 + GAMMA_3)
+    return q, bound + (wp.abs(back) + wp.abs(q)) * GAMMA_5
+
+
+@wp.func
 def offset_origin(p: wp.vec3, error: wp.vec3, normal: wp.vec3, direction: wp.vec3) -> wp.vec3:
     """A ray origin beside p on the side that direction leaves to, clear of p's error box (pbrt-v4 section 6.8.6).
 
@@ -176,10 +180,8 @@ def offset_origin(p: wp.vec3, error: wp.vec3, normal: wp.vec3, direction: wp.vec
         side = -normal
     q = p + side * wp.max(wp.dot(wp.abs(normal), error), max_component(error))
     for i in range(3):
-        if side[i] > 0.0:
-            q[i] = next_up(q[i])
-        elif side[i] < 0.0:
-            q[i] = -next_up(-q[i])
+        # Both neighbours, and no branch: which side it is changes from ray to ray.
+        q[i] = wp.where(side[i] > 0.0, next_up(q[i]), wp.where(side[i] < 0.0, -next_up(-q[i]), q[i]))
     return q
 
 

@@ -95,14 +95,18 @@ def to_unit(bits: wp.uint32) -> float:
     return wp.float32(bits >> wp.uint32(8)) * 5.9604644775390625e-8
 
 
-@wp.func
+@wp.func_native(
+    """
+#ifdef __CUDA_ARCH__
+    return __brev(x);
+#else
+    return __builtin_bitreverse32(x);
+#endif
+"""
+)
 def reverse_bits(x: wp.uint32) -> wp.uint32:
     """The 32 bits in the opposite order."""
-    x = ((x >> wp.uint32(1)) & wp.uint32(0x55555555)) | ((x & wp.uint32(0x55555555)) << wp.uint32(1))
-    x = ((x >> wp.uint32(2)) & wp.uint32(0x33333333)) | ((x & wp.uint32(0x33333333)) << wp.uint32(2))
-    x = ((x >> wp.uint32(4)) & wp.uint32(0x0F0F0F0F)) | ((x & wp.uint32(0x0F0F0F0F)) << wp.uint32(4))
-    x = ((x >> wp.uint32(8)) & wp.uint32(0x00FF00FF)) | ((x & wp.uint32(0x00FF00FF)) << wp.uint32(8))
-    return (x >> wp.uint32(16)) | (x << wp.uint32(16))
+    ...
 
 
 @wp.func
@@ -141,18 +145,27 @@ def owen_sobol(index: wp.uint32, shuffle: wp.uint32, scramble: wp.uint32) -> wp.
 
 
 @wp.func
+def sin_cos(x: float) -> wp.vec2:
+    """Sine and cosine of an angle in -π/4 … π/4, each within 1e-7 (the polynomials of Moshier's Cephes library).
+
+    A third of the time of the general functions, which first bring the angle there.
+    """
+    s = x * x
+    sine = x + x * s * (-1.6666654611e-1 + s * (8.3321608736e-3 - s * 1.9515295891e-4))
+    cosine = 1.0 - 0.5 * s + s * s * (4.166664568298827e-2 + s * (-1.388731625493765e-3 + s * 2.443315711809948e-5))
+    return wp.vec2(sine, cosine)
+
+
+@wp.func
 def unit_disk(u: wp.vec2) -> wp.vec2:
     """Uniform point of the unit disk, concentric (Shirley and Chiu 1997)."""
     x = 2.0 * u[0] - 1.0
     y = 2.0 * u[1] - 1.0
-    if x == 0.0 and y == 0.0:
-        return wp.vec2(0.0, 0.0)
-    radius = x
-    angle = 0.25 * PI * (y / wp.where(x == 0.0, 1.0, x))
-    if wp.abs(y) >= wp.abs(x):
-        radius = y
-        angle = 0.5 * PI - 0.25 * PI * (x / wp.where(y == 0.0, 1.0, y))
-    return wp.vec2(radius * wp.cos(angle), radius * wp.sin(angle))
+    if wp.abs(x) > wp.abs(y):
+        turn = sin_cos(0.25 * PI * (y / x))
+        return wp.vec2(x * turn[1], x * turn[0])
+    turn = sin_cos(0.25 * PI * (x / wp.where(y == 0.0, 1.0, y)))
+    return wp.vec2(y * turn[0], y * turn[1])
 
 
 @wp.func

@@ -2,6 +2,7 @@
 
     DRJIT_LIBLLVM_PATH=…/libLLVM.so.19.1 python tests/benchmarks/bench_path.py --mitsuba PYTHON
     python tests/benchmarks/bench_path.py cornell plates --mitsuba PYTHON --samples 16 64 --repeats 6
+    python tests/benchmarks/bench_path.py cornell --mitsuba PYTHON --size 64 --samples 4 16 64 256 --plot FILE.png
 
 PYTHON is the interpreter of an environment with `pip install mitsuba`; its LLVM variants need Debian's libllvm19. The
 scenes are those of `tests/mitsuba/compare.py`, where their pictures are compared, and `gloss`, defined here. Both

@@ -3,12 +3,13 @@
 Counts are small by default; WARPRENDER_RAYS multiplies them (50 gives the catalogue's own).
 """
 
+import ctypes
 import os
 
 import numpy as np
 import pytest
 import warp as wp
-from closed_meshes import SHAPES, aimed_rays, brute_force, icosphere, needles, placed
+from closed_meshes import SHAPES, aimed_rays, brute_force, grid_cube, icosphere, needles, placed
 
 from warprender import numerics
 from warprender.numerics import mat34, offset_origin, place_point, spawn_between, triangle_point
@@ -501,6 +502,14 @@ def trace(tree, origins, directions, t_max=np.inf, kernel=_trace):
     return hits.numpy(), occluded.numpy()
 
 
+def surfaces_along(tree, origins, directions):
+    """Number of surfaces along each ray."""
+    count = wp.zeros(len(origins), dtype=wp.int32, device="cpu")
+    rays = [wp.array(part, dtype=wp.vec3, device="cpu") for part in (origins, directions)]
+    wp.launch(_layers, len(origins), inputs=[tree.world, *rays], outputs=[count], device="cpu")
+    return count.numpy()
+
+
 def mesh_tree(points, faces, **options):
     points = wp.array(np.ascontiguousarray(points, np.float32), dtype=wp.vec3, device="cpu")
     return MeshTree(points, wp.array(faces.astype(np.int32).ravel(), dtype=wp.int32, device="cpu"), **options)
@@ -545,14 +554,7 @@ def test_I20_sphere_from_inside_and_through():
     o = np.float32([[0, 0, 0], [0, 0, 5], [0, 2, 0], [0, 0, 5]])
     d = np.float32([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 1, 0]])
     assert trace(tree, o, d)[0]["t"].tolist() == [2.0, 3.0, 0.0, np.inf]
-    count = wp.zeros(4, dtype=wp.int32, device="cpu")
-    wp.launch(
-        _layers,
-        4,
-        inputs=[tree.world, wp.array(o, dtype=wp.vec3), wp.array(d, dtype=wp.vec3)],
-        outputs=[count],
-    )
-    assert count.numpy().tolist() == [1, 2, 1, 0]
+    assert surfaces_along(tree, o, d).tolist() == [1, 2, 1, 0]
 
 
 def test_instances_against_flattened_meshes():
@@ -696,6 +698,50 @@ def test_singular_and_empty_instances_draw_nothing():
     trees = [mesh_tree(*QUAD), mesh_tree(QUAD[0], np.zeros((0, 3), int))]
     hits, _ = trace(WorldTree(trees, [0, 0, 1, 0], place, "cpu"), [[0.1, 0, 1], [5.1, 5, 9]], [[0, 0, -1]] * 2)
     assert hits["instance"].tolist() == [-1, 3]
+
+
+def swept_blocks(tree):
+    """Blocks of triangles that rays sweep instead of walking the tree; -1 or 0 where they walk."""
+    return ctypes.c_int.from_address(tree.world.few).value if tree.world.few else 0
+
+
+def test_few_triangles_are_swept_with_the_hits_of_the_tree():
+    """Five boxes, two of them at one place and two coincident with others: ties, edges, vertices, ends of rays."""
+    rng = np.random.default_rng(31)
+    points, faces = grid_cube(1)
+    place = np.repeat(np.eye(4)[None], 5, 0)
+    place[2:, :3, 3] = [[1.5, 0, 0], [1.5, 0, 0], [-0.7, 0.3, 2.0]]
+    tree = WorldTree([mesh_tree(points, faces)], [0] * 5, place, "cpu")
+    for _ in range(2):
+        assert swept_blocks(tree) == 24 // 8 + 24 // 8 + 2
+        rays = [
+            aimed_rays(points + p[:3, 3], faces, RAYS // 20, at, rng)
+            for p in place
+            for at in ("edges", "vertices", "random")
+        ]
+        rays.append((points[rng.integers(len(points), size=500)], rng.normal(size=(500, 3))))
+        o, d = (np.concatenate(part).astype(np.float32) for part in zip(*rays, strict=True))
+        for t_max in (np.inf, 3.0, 1.0):
+            swept, swept_occluded = trace(tree, o, d, t_max)
+            layers = surfaces_along(tree, o, d)
+            few, tree.world.few = tree.world.few, 0
+            walked, walked_occluded = trace(tree, o, d, t_max)
+            for name in walked.dtype.names:
+                assert (swept[name] == walked[name]).all()
+            assert (swept_occluded == walked_occluded).all()
+            assert (layers == surfaces_along(tree, o, d)).all()
+            tree.world.few = few
+        place[:, :3, 3] += (0.25, -3.0, 7.0)
+        tree.update(place[:, :3])
+
+
+def test_other_small_worlds_are_walked():
+    turned = np.repeat(np.eye(4)[None], 2, 0)
+    turned[1, :2, :2] = [[0, -1], [1, 0]]
+    box = mesh_tree(*grid_cube(1))
+    assert swept_blocks(WorldTree([box], [0, 0], turned, "cpu")) == -1
+    assert swept_blocks(WorldTree([box, SphereShape(1.0)], [0, 1], turned[:1].repeat(2, 0), "cpu")) == 0
+    assert swept_blocks(WorldTree([box], [0] * 6, turned[:1].repeat(6, 0), "cpu")) == 0
 
 
 def test_world_follows_its_instances():
@@ -858,7 +904,7 @@ def test_header_is_part_of_the_module_hash(monkeypatch):
 
     before = module_hash()
     assert module_hash() == before
-    monkeypatch.setattr(native, "_TRAVERSAL", native._TRAVERSAL.replace("gamma(3)", "gamma(4)", 1))
+    monkeypatch.setattr(native, "_INSTANCES", native._INSTANCES.replace("gamma(3)", "gamma(4)", 1))
     assert module_hash() != before
 
 

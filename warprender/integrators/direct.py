@@ -31,20 +31,11 @@ from ..sampling import (
     uniform_cone,
 )
 from ..visibility.sdf import ray_functions
-from .lighting import (
-    MOST_PASSES,
-    Departure,
-    Met,
-    from_light_function,
-    glow_function,
-    is_across,
-    light_normal,
-    medium_towards,
-    met_function,
-    shadow_function,
-    transmittance,
-)
+from .aiming import from_light_function
+from .lighting import Departure, Met, is_across, light_normal, medium_towards, transmittance
+from .meeting import glow_function, met_function
 from .samples import PathRequest, PathResult
+from .shadows import MOST_PASSES, shadow_function
 
 #: Up to this many lights are added up; of more, the light tree chooses one a sample, and what it stands for is added.
 MOST_LIGHTS = wp.constant(wp.int32(32))

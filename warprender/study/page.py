@@ -92,8 +92,13 @@ def _summary(study: Study, found: Sequence[Row], reference: Reference, account: 
         f"{len(study.measurements)} pictures in all, each compared with a reference: {escape(reference.origin)}"
         f"{_noise(reference)}. Errors are of linear color.</p>"
     )
+    measured = {row.setting for row in found}
+    wholly = [name for name in account.skipped if name not in measured]
     if account.skipped:
-        yield f"<p>Left out for lack of time, wholly or in part: {escape('; '.join(account.skipped))}.</p>"
+        fewer = len(account.skipped) - len(wholly)
+        yield f"<p>For lack of time {len(wholly)} settings were left out; {fewer} have fewer pictures than asked.</p>"
+    if wholly:
+        yield f"<details><summary>Left out</summary>{escape('; '.join(wholly))}</details>"
 
 
 def _noise(reference: Reference) -> str:

@@ -48,9 +48,9 @@ struct Collapse {
         // more slots never cost more: the running minimum, by doubling
         cost[0] = cost[Wide::slots - 1] + area(tree, node);
         Wide::Eight none = Bound::infinity(), least = cost;
-        least = Wide::smaller(least, __builtin_shufflevector(least, none, 8, 0, 1, 2, 3, 4, 5, 6));
-        least = Wide::smaller(least, __builtin_shufflevector(least, none, 8, 8, 0, 1, 2, 3, 4, 5));
-        least = Wide::smaller(least, __builtin_shufflevector(least, none, 8, 8, 8, 8, 0, 1, 2, 3));
+        least = smaller_of(least, __builtin_shufflevector(least, none, 8, 0, 1, 2, 3, 4, 5, 6));
+        least = smaller_of(least, __builtin_shufflevector(least, none, 8, 8, 0, 1, 2, 3, 4, 5));
+        least = smaller_of(least, __builtin_shufflevector(least, none, 8, 8, 8, 8, 0, 1, 2, 3));
         left = cost < __builtin_shufflevector(least, none, 8, 0, 1, 2, 3, 4, 5, 6) ? left : 0;
         *(Wide::Eight*)p.cost = least;
         *(Bytes*)p.left = __builtin_convertvector(left, Bytes);
@@ -208,8 +208,8 @@ struct Refit {
             Wide::Four lower = Bound::infinity(), upper = -Bound::infinity();
             for (int i = 0; i < 3; ++i) {
                 Wide::Four c = Wide::four(block.corner[i][a]);
-                lower = Wide::smaller(c, lower);
-                upper = Wide::larger(c, upper);
+                lower = smaller_of(c, lower);
+                upper = larger_of(c, upper);
             }
             box.plane[a] = Bound::smaller(__builtin_reduce_min(lower), box.plane[a]);
             box.plane[a + 3] = Bound::larger(__builtin_reduce_max(upper), box.plane[a + 3]);

@@ -11,16 +11,19 @@ from pathlib import Path
 
 import warp as wp
 
-from ..records import World
+from ..records import Geometry, Instance, World
 
 SUPPORTED = wp.__version__.split(".")[:2] == ["1", "19"]
 
 RAYS_PER_ITEM = 64  # rays that one item of a batch kernel traces: enough to keep eight walks in flight
 
 NODE_BYTES, BLOCK_BYTES, PLAN_BYTES = 224, 160, 40  # of the wide trees' structs
+FEW_BYTES = 64 + 8 * 416  # of the struct that holds all triangles of a small scene
+FEW_FACES = 64  # that fit into it
 MAX_DEPTH = 36  # of a wide tree: the length of the walks' stacks
 
 _TRAVERSAL = Path(__file__).with_name("traversal.h").read_text()
+_INSTANCES = _TRAVERSAL + Path(__file__).with_name("instances.h").read_text()
 _COLLAPSE = (
     _TRAVERSAL
     + Path(__file__).with_name("collapse.h").read_text()
@@ -40,7 +43,7 @@ _WORLD = """
     static_assert(sizeof(*world.instances.data) == sizeof(Instance), "Instance");
     static_assert(sizeof(*world.geometries.data) == sizeof(Geometry), "Geometry");
     World w = { (const Geometry*)(world.geometries.data), (const Instance*)(world.instances.data),
-        world.count, world.tree, world.nodes, world.items, world.pad, world.listed, world.first_member,
+        world.count, world.tree, world.nodes, world.items, world.few, world.pad, world.listed, world.first_member,
         world.last_member, world.members.data, world.lowers.data, world.uppers.data };
     Lane ray;
     Answer best;
@@ -57,7 +60,7 @@ def scene_functions(prefix: str = ""):
 
     @wp.func_native(
         prefix
-        + _TRAVERSAL
+        + _INSTANCES
         + _WORLD
         + """
     World::solve(w, origin, direction, t_max, t_after, instance_after, face_after, false, ray, best);
@@ -76,7 +79,7 @@ def scene_functions(prefix: str = ""):
 
     @wp.func_native(
         prefix
-        + _TRAVERSAL
+        + _INSTANCES
         + _WORLD
         + """
     return World::solve(w, origin, direction, t_max, -1.0f, -1, -1, true, ray, best);
@@ -208,6 +211,22 @@ def refit_items(
 @wp.func_native(_COLLAPSE + "Refit::inner((Wide::Node*)(nodes), count, summary.data);")
 def refit_inner(nodes: wp.uint64, count: wp.int32, summary: wp.array(dtype=wp.float32)):
     """Box all inner nodes from their children (CPU)."""
+    ...
+
+
+@wp.func_native(
+    _INSTANCES
+    + f"""
+    static_assert(sizeof(Few) == {FEW_BYTES}, "FEW_BYTES");
+"""
+    + """
+    Few::gather(*(Few*)(few), (const Geometry*)(geometries.data), (const Instance*)(instances.data), count);
+"""
+)
+def gather_few(
+    few: wp.uint64, geometries: wp.array(dtype=Geometry), instances: wp.array(dtype=Instance), count: wp.int32
+):
+    """Collect the triangles of all instances, if they are few and only moved (CPU)."""
     ...
 
 

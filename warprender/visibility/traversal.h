@@ -17,7 +17,6 @@
 //   Binary                     scalar walk over Warp's binary tree (CUDA, and any CPU)
 //   Wide                       the same walk over eight boxes and four triangles at once
 //   Stream, Group              many rays: eight walks in turn; sixteen coherent rays as one
-//   World                      the walk over instances
 //
 // Sources: Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013 (leaf); Ize, "Robust BVH Ray
 // Traversal", JCGT 2(2), 2013 and pbrt-v4 6.8.2 (boxes); Ernst, Greiner, "Multi bounding volume hierarchies", 2008
@@ -25,11 +24,12 @@
 // Arithmetic Culling Methods for Entire Ray Packets", 2006 (groups by interval arithmetic).
 
 #define WR_FN static inline CUDA_CALLABLE
-// One copy of a walk for all calls of it: inlined, CUDA compiles for minutes.
+// One copy of a walk for all calls of it: inlined, CUDA compiles for minutes, and on the CPU what calls it grows too
+// large to be inlined itself, so that whole scenes are copied for each ray.
 #ifdef __CUDA_ARCH__
 #define WR_WALK static __noinline__ CUDA_CALLABLE
 #else
-#define WR_WALK WR_FN
+#define WR_WALK static __attribute__((noinline))
 #endif
 #ifdef __CUDA_ARCH__
 #define WR_SCALAR
@@ -85,8 +85,9 @@ struct Lane {
     int kx, ky, kz;    // kz: the axis along which d is largest
     float sx, sy, sz;  // shear
 
-    // False for rays that cannot hit anything: a zero or non-finite direction, a non-finite origin.
-    WR_FN bool make(Lane& ray, const float* origin, const float* direction)
+    // The largest component of the direction, 0 for rays that cannot hit anything: a zero or non-finite direction, a
+    // non-finite origin.
+    WR_FN float set(Lane& ray, const float* origin, const float* direction)
     {
         float check = 0.0f;
         for (int k = 0; k < 3; ++k) {
@@ -96,35 +97,41 @@ struct Lane {
         }
         float m = Bound::extreme(ray.d);
         if (!(check == 0.0f && m > 0.0f))
-            return false;
+            return 0.0f;
         // Very long and very short directions would leave float32's range in products.
         ray.unit = m < 0x1p-60f ? 0x1p80f : (m > 0x1p60f ? 0x1p-80f : 1.0f);
         for (int k = 0; k < 3; ++k)
             ray.d[k] *= ray.unit;
-        finish(ray, m * ray.unit);
-        return true;
+        return m * ray.unit;
     }
-    WR_FN bool make(Lane& ray, wp::vec3 origin, wp::vec3 direction)
+    WR_FN bool make(Lane& ray, const float* origin, const float* direction)
     {
-        float o[3] = { origin[0], origin[1], origin[2] }, d[3] = { direction[0], direction[1], direction[2] };
-        return make(ray, o, d);
+        float m = set(ray, origin, direction);
+        if (m > 0.0f)
+            finish(ray, m);
+        return m > 0.0f;
     }
     WR_FN void finish(Lane& ray, float m)
     {
-        for (int k = 0; k < 3; ++k) {
-            // Less than 1e-30 of the largest moves no point within float32's range by half an ulp, but its
-            // reciprocal may overflow.
+        shear(ray, m);
+        for (int k = 0; k < 3; ++k)
+            ray.r[k] = 1.0f / ray.d[k];
+    }
+    // All that triangles need.
+    WR_FN void shear(Lane& ray, float m)
+    {
+        // Less than 1e-30 of the largest moves no point within float32's range by half an ulp, but its reciprocal
+        // may overflow.
+        for (int k = 0; k < 3; ++k)
             if (Bound::magnitude(ray.d[k]) < 1.0e-30f * m)
                 ray.d[k] = 0.0f;
-            ray.r[k] = 1.0f / ray.d[k];
-        }
         float a[3] = { Bound::magnitude(ray.d[0]), Bound::magnitude(ray.d[1]), Bound::magnitude(ray.d[2]) };
         ray.kz = a[2] >= a[0] && a[2] >= a[1] ? 2 : (a[1] >= a[0] ? 1 : 0);
         ray.kx = ray.kz == 2 ? 0 : ray.kz + 1;
         ray.ky = ray.kx == 2 ? 0 : ray.kx + 1;
         ray.sx = ray.d[ray.kx] / ray.d[ray.kz];
         ray.sy = ray.d[ray.ky] / ray.d[ray.kz];
-        ray.sz = ray.r[ray.kz];
+        ray.sz = 1.0f / ray.d[ray.kz];
     }
 };
 
@@ -398,6 +405,72 @@ struct Binary {
 // ---------------------------------------------------------------- eight boxes, four triangles at once
 
 #ifndef WR_SCALAR
+// Triangle::offer for all triangles of a block, as many as the vector type V has lanes; true if one was taken. Lambdas,
+// for classes inside a function have no templates.
+//
+//   o                        the ray's origin in the block's space, in the order of kx, ky, kz
+//   bits                     the lanes of a comparison as an unsigned
+//   instance_of              the instance of a lane
+static constexpr auto larger_of = [](auto a, auto b) { return a > b ? a : b; };
+static constexpr auto smaller_of = [](auto a, auto b) { return a < b ? a : b; };
+static constexpr auto extreme_of = [](const auto* a) {
+    return larger_of(larger_of(__builtin_elementwise_abs(a[0]), __builtin_elementwise_abs(a[1])),
+        __builtin_elementwise_abs(a[2]));
+};
+// Triangle::error.
+static constexpr auto errors_of = [](const Lane& ray, const auto* x, const auto* y, const auto* z, auto inverse) {
+    auto mx = extreme_of(x), my = extreme_of(y), mz = extreme_of(z), one = inverse;
+    one = 1.0f;
+    auto depth = mz * Bound::magnitude(ray.d[ray.kz]);
+    auto dx = Bound::gamma(5) * (mx + depth), dy = Bound::gamma(5) * (my + depth);
+    auto edge = Bound::gamma(2) * mx * my + dy * mx + dx * my + dx * dy;
+    auto weight = smaller_of(16.0f * edge * __builtin_elementwise_abs(inverse), one);
+    auto spread = larger_of(larger_of(z[0], z[1]), z[2]) - smaller_of(smaller_of(z[0], z[1]), z[2]);
+    return mz * Bound::gamma(8) + weight * spread;
+};
+static constexpr auto corners_of = [](const auto& block, int k, float p[3][3]) {
+    for (int i = 0; i < 3; ++i)
+        for (int a = 0; a < 3; ++a)
+            p[i][a] = block.corner[i][a][k];
+};
+static constexpr auto offer_block = [](const auto* o, auto bits, const auto& block, auto instance_of, const Lane& ray,
+                                        Answer& best) {
+    WR_NO_FUSION
+    typedef decltype(o[0] + o[0]) V;
+    V x[3], y[3], z[3];
+    for (int k = 0; k < 3; ++k) {
+        V c = *(const V*)block.corner[k][ray.kz] - o[2];
+        x[k] = (*(const V*)block.corner[k][ray.kx] - o[0]) - c * ray.sx;
+        y[k] = (*(const V*)block.corner[k][ray.ky] - o[1]) - c * ray.sy;
+        z[k] = c * ray.sz;
+    }
+    V e0 = x[2] * y[1] - y[2] * x[1], e1 = x[0] * y[2] - y[0] * x[2], e2 = x[1] * y[0] - y[1] * x[0];
+    V zero = 0.0f;
+    unsigned unsure = bits((e0 == zero) | (e1 == zero) | (e2 == zero));
+    unsigned inside = ~unsure
+        & bits(((e0 > zero) & (e1 > zero) & (e2 > zero)) | ((e0 < zero) & (e1 < zero) & (e2 < zero)));
+    bool hit = false;
+    float p[3][3];
+    if (inside) {
+        V inverse = 1.0f / (e0 + e1 + e2);
+        V w1 = e1 * inverse, w2 = e2 * inverse;
+        V t = z[0] + w1 * (z[1] - z[0]) + w2 * (z[2] - z[0]);
+        V err = errors_of(ray, x, y, z, inverse);
+        for (inside &= bits((t >= -err) & (t <= best.t + err)); inside; inside &= inside - 1) {
+            int k = __builtin_ctz(inside);
+            corners_of(block, k, p);
+            hit |= Triangle::settle(ray, p, t[k], err[k], w1[k], w2[k], instance_of(k),
+                block.face[k] & 0x7fffffff, best);
+        }
+    }
+    for (; unsure; unsure &= unsure - 1) {
+        int k = __builtin_ctz(unsure);
+        corners_of(block, k, p);
+        hit |= Triangle::offer(ray, p, instance_of(k), block.face[k] & 0x7fffffff, best);
+    }
+    return hit;
+};
+
 struct Wide {
     enum { slots = 8, lanes = 4, depth = 36, stack = depth * 7 + 8, no_face = 0x7fffffff };
     typedef float Eight __attribute__((ext_vector_type(8), aligned(4)));
@@ -524,66 +597,11 @@ struct Wide {
                 return hit;
         }
     }
-    WR_FN Four extreme(const Four* a)
-    {
-        return larger(larger(__builtin_elementwise_abs(a[0]), __builtin_elementwise_abs(a[1])),
-            __builtin_elementwise_abs(a[2]));
-    }
-    WR_FN Four larger(Four a, Four b) { return a > b ? a : b; }
-    WR_FN Four smaller(Four a, Four b) { return a < b ? a : b; }
-    WR_FN Eight smaller(Eight a, Eight b) { return a < b ? a : b; }
-    // Triangle::error, four at once.
-    WR_FN Four error(const Lane& ray, const Four* x, const Four* y, const Four* z, Four inverse)
-    {
-        Four mx = extreme(x), my = extreme(y), mz = extreme(z), one = 1.0f;
-        Four depth = mz * Bound::magnitude(ray.d[ray.kz]);
-        Four dx = Bound::gamma(5) * (mx + depth), dy = Bound::gamma(5) * (my + depth);
-        Four edge = Bound::gamma(2) * mx * my + dy * mx + dx * my + dx * dy;
-        Four weight = smaller(16.0f * edge * __builtin_elementwise_abs(inverse), one);
-        return mz * Bound::gamma(8) + weight * (larger(larger(z[0], z[1]), z[2]) - smaller(smaller(z[0], z[1]), z[2]));
-    }
     // Triangle::offer for the four of one block.
     WR_FN bool test(const Block& block, int instance, const Lane& ray, Answer& best)
     {
-        WR_NO_FUSION
-        Four x[3], y[3], z[3];
-        for (int k = 0; k < 3; ++k) {
-            Four c = four(block.corner[k][ray.kz]) - ray.o[ray.kz];
-            x[k] = (four(block.corner[k][ray.kx]) - ray.o[ray.kx]) - c * ray.sx;
-            y[k] = (four(block.corner[k][ray.ky]) - ray.o[ray.ky]) - c * ray.sy;
-            z[k] = c * ray.sz;
-        }
-        Four e0 = x[2] * y[1] - y[2] * x[1], e1 = x[0] * y[2] - y[0] * x[2], e2 = x[1] * y[0] - y[1] * x[0];
-        Four zero = 0.0f;
-        unsigned unsure = bits((e0 == zero) | (e1 == zero) | (e2 == zero));
-        unsigned inside = ~unsure
-            & bits(((e0 > zero) & (e1 > zero) & (e2 > zero)) | ((e0 < zero) & (e1 < zero) & (e2 < zero)));
-        bool hit = false;
-        if (inside) {
-            Four inverse = 1.0f / (e0 + e1 + e2);
-            Four w1 = e1 * inverse, w2 = e2 * inverse;
-            Four t = z[0] + w1 * (z[1] - z[0]) + w2 * (z[2] - z[0]);
-            Four err = error(ray, x, y, z, inverse);
-            for (inside &= bits((t >= -err) & (t <= best.t + err)); inside; inside &= inside - 1) {
-                int k = __builtin_ctz(inside);
-                float p[3][3];
-                corners(block, k, p);
-                hit |= Triangle::settle(ray, p, t[k], err[k], w1[k], w2[k], instance, block.face[k] & no_face, best);
-            }
-        }
-        for (; unsure; unsure &= unsure - 1) {
-            int k = __builtin_ctz(unsure);
-            float p[3][3];
-            corners(block, k, p);
-            hit |= Triangle::offer(ray, p, instance, block.face[k] & no_face, best);
-        }
-        return hit;
-    }
-    WR_FN void corners(const Block& block, int k, float p[3][3])
-    {
-        for (int i = 0; i < 3; ++i)
-            for (int a = 0; a < 3; ++a)
-                p[i][a] = block.corner[i][a][k];
+        Four o[3] = { ray.o[ray.kx], ray.o[ray.ky], ray.o[ray.kz] };
+        return offer_block(o, bits, block, [&](int) { return instance; }, ray, best);
     }
 
     // Whether a tree's root holds one leaf and no more; empty slots refer to the root.
@@ -883,193 +901,3 @@ struct Group {
     }
 };
 #endif
-
-// ---------------------------------------------------------------- instances
-
-struct Geometry {
-    int kind;  // 0 triangles, 1 a sphere about the origin
-    float radius;
-    wp::uint64 mesh, nodes, blocks;
-};
-struct Instance {
-    float to_object[3][4], to_world[3][4];
-    int geometry;
-    int placed;  // 0: to_object is the identity, 3: it only moves; records.MOVED
-};
-struct World {
-    const Geometry* geometries;
-    const Instance* instances;
-    int count;
-    wp::uint64 tree, nodes, items;  // wp.Bvh over the instances' boxes, collapsed
-    float pad;                      // what transforms may add to a box, in units of the ray origin's largest component
-    int listed;                     // 1, 2: only the instances members[first_member] to members[last_member - 1] are
-                                    // there; 2: nodes and items are a tree over them
-    int first_member, last_member;
-    const int* members;
-    const wp::vec3 *lowers, *uppers;  // the instances' boxes
-
-    // The ray in object space; the direction keeps its length, so that t is the same in both.
-    WR_FN bool enter(const Lane& ray, const Instance& place, Lane& local)
-    {
-        float m = 0.0f, check = 0.0f;
-        if (place.placed == 3) {
-            local = ray;
-            for (int k = 0; k < 3; ++k) {
-                local.o[k] = ray.o[k] + place.to_object[k][3];
-                check += local.o[k] - local.o[k];
-            }
-            return check == 0.0f;
-        }
-        for (int k = 0; k < 3; ++k) {
-            const float* row = place.to_object[k];
-            local.o[k] = row[0] * ray.o[0] + row[1] * ray.o[1] + row[2] * ray.o[2] + row[3];
-            local.d[k] = row[0] * ray.d[0] + row[1] * ray.d[1] + row[2] * ray.d[2];
-            check += (local.o[k] - local.o[k]) + (local.d[k] - local.d[k]);
-        }
-        m = Bound::extreme(local.d);
-        local.unit = ray.unit;
-        if (!(check == 0.0f && m > 0.0f))
-            return false;
-        Lane::finish(local, m);
-        return true;
-    }
-    WR_FN void shape(const Geometry& g, int instance, const Lane& ray, bool any, Answer& best)
-    {
-        if (g.kind == 1)
-            Sphere::offer(ray, g.radius, instance, best);
-#ifdef WR_FAST
-        else if (g.mesh)
-            Plain::offer(g.mesh, instance, ray, best);
-#elif defined(WR_SCALAR)
-        else if (g.mesh)
-            Binary::trace(wp::mesh_get(g.mesh), instance, ray, any, best);
-#else
-        else if (g.nodes) {
-            const Wide::Node* root = (const Wide::Node*)(g.nodes);
-            const Wide::Block* blocks = (const Wide::Block*)(g.blocks);
-            // Where the instance's box is that of the only leaf, the leaf's own tells nothing new.
-            if (Wide::is_leaf(*root))
-                Wide::leaf(blocks + ~root->child[0], instance, ray, best);
-            else
-                Wide::trace(root, blocks, instance, ray, any, best);
-        }
-#endif
-    }
-    WR_FN void visit(const World& w, int i, const Lane& ray, bool any, Answer& best)
-    {
-        const Instance& place = w.instances[i];
-        const Geometry& g = w.geometries[place.geometry];
-        if (!place.placed) {
-            shape(g, i, ray, any, best);
-            return;
-        }
-        Lane local;
-        if (enter(ray, place, local))
-            shape(g, i, local, any, best);
-    }
-    // any: stop at the first hit that counts.
-    WR_WALK void trace(const World& w, const Lane& ray, bool any, Answer& best)
-    {
-        float pad = w.pad * Bound::extreme(ray.o);
-        if (w.listed == 1) {
-            walk_members(w, ray, pad, any, best);
-            return;
-        }
-        if (w.listed == 0 && w.count < 2) {
-            if (w.count == 1)
-                visit(w, 0, ray, any, best);
-            return;
-        }
-#ifdef WR_SCALAR
-        walk_binary(w, ray, pad, any, best);
-#else
-        walk_wide(w, ray, pad, any, best);
-#endif
-    }
-    // One by one: a few instances need no tree.
-    WR_FN void walk_members(const World& w, const Lane& ray, float pad, bool any, Answer& best)
-    {
-        for (int k = w.first_member; k < w.last_member; ++k) {
-            int i = w.members[k];
-            float lo[3] = { w.lowers[i][0], w.lowers[i][1], w.lowers[i][2] };
-            float hi[3] = { w.uppers[i][0], w.uppers[i][1], w.uppers[i][2] };
-            if (Binary::slab(lo, hi, ray, pad, best.t_cull) < 0.0f)
-                continue;
-            visit(w, i, ray, any, best);
-            if (any && best.found())
-                return;
-        }
-    }
-    WR_FN void walk_binary(const World& w, const Lane& ray, float pad, bool any, Answer& best)
-    {
-        const wp::BVH tree = wp::bvh_get(w.tree);
-        Binary::Walk walk;
-        walk.count = 0;
-        walk.push(*tree.root, 0.0f);
-        for (int n = walk.pop(best.t_cull); n >= 0; n = walk.pop(best.t_cull)) {
-            wp::BVHPackedNodeHalf lower = wp::bvh_load_node(tree.node_lowers, n);
-            wp::BVHPackedNodeHalf upper = wp::bvh_load_node(tree.node_uppers, n);
-            if (!lower.b) {
-                walk.open(tree, (int)(lower.i), (int)(upper.i), ray, pad, best.t_cull);
-                continue;
-            }
-            for (int i = (int)(lower.i); i < (int)(upper.i); ++i) {
-                visit(w, tree.primitive_indices[i], ray, any, best);
-                if (any && best.found())
-                    return;
-            }
-        }
-    }
-#ifndef WR_SCALAR
-    static __attribute__((noinline)) void walk_wide(const World& w, const Lane& ray, float pad, bool any, Answer& best)
-    {
-        const Wide::Node* nodes = (const Wide::Node*)(w.nodes);
-        Wide::Slabs s = Wide::slabs(ray, pad);
-        Wide::Entry entries[Wide::stack];
-        Wide::Entry* top = entries;
-        int ref = 0;
-        for (;;) {
-            while (ref >= 0) {
-                Wide::Eight near;
-                unsigned mask = Wide::enter(nodes[ref], s, best.t_cull, near);
-                if (!mask)
-                    break;
-                ref = Wide::nearest(nodes[ref].child, near, mask, top);
-            }
-            for (const int* item = (const int*)(w.items) + ~ref; ref < 0; ++item) {
-                visit(w, *item & Wide::no_face, ray, any, best);
-                if (any && best.found())
-                    return;
-                if (*item < 0)
-                    break;
-            }
-            if (!Wide::pop(entries, top, best.t_cull, ref))
-                return;
-        }
-    }
-#endif
-    // t, instance, face, u, v in one vector: native functions return no structs. Floats travel as their bits.
-    WR_FN wp::vec_t<5, wp::int32> result(const Lane& ray, const Answer& best)
-    {
-        wp::vec_t<5, wp::int32> out;
-        union {
-            float f[3];
-            int i[3];
-        } bits = { { best.distance(ray), best.u, best.v } };
-        out[0] = bits.i[0];
-        out[1] = best.instance;
-        out[2] = best.face;
-        out[3] = bits.i[1];
-        out[4] = bits.i[2];
-        return out;
-    }
-    WR_FN bool solve(const World& w, wp::vec3 o, wp::vec3 d, float t_max, float t_after, int instance_after,
-        int face_after, bool any, Lane& ray, Answer& best)
-    {
-        bool good = Lane::make(ray, o, d);
-        best = Answer::open(ray, t_max, t_after, instance_after, face_after);
-        if (good)
-            trace(w, ray, any, best);
-        return best.found();
-    }
-};

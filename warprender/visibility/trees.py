@@ -177,6 +177,11 @@ class MeshTree:
             array[number : number + 1].assign(np.full((1, 3), corner / np.float32(self.scale), np.float32))
 
     @property
+    def faces(self):
+        """Number of triangles."""
+        return len(self.indices) // 3
+
+    @property
     def cached(self):
         """Whether the wide tree is small enough to stay in a core's own cache."""
         return self._wide.bytes <= OWN_CACHE

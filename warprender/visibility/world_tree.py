@@ -9,8 +9,9 @@ import warp as wp
 
 from ..numerics import mat34d
 from ..records import Geometry, Instance, World
+from . import native
 from .placing import Attachments, Placed, Rest, Shapes, launch_placing
-from .trees import MeshTree, SdfShape, SphereShape, WideTree
+from .trees import Memory, MeshTree, SdfShape, SphereShape, WideTree
 
 
 class WorldTree:
@@ -40,6 +41,7 @@ class WorldTree:
         self.device = wp.get_device(device)
         self.shapes = list(shapes)
         count = len(geometry)
+        self._few = Memory(native.FEW_BYTES) if self._has_few_faces(geometry) else None
         self._rest, self._shapes, self._placed = Rest(), Shapes(), Placed()
         self._rest.shape = wp.array(np.asarray(geometry, np.int32), dtype=wp.int32, device=self.device)
         self._rest.to_world = wp.empty(count, dtype=mat34d, device=self.device)
@@ -147,5 +149,27 @@ class WorldTree:
         if self._reach is None:
             # Bodies may turn any way at no greater reach: only other places at rest ask the device again.
             self._reach = float(self._placed.reach.numpy().max(initial=0.0))
+        self._gather_few()
         # What transforms may add to a box, per unit of the ray origin's largest component.
         world.pad = 2.0 * 8.0 * 2.0**-24 * self._reach
+
+    def _has_few_faces(self, geometry: Sequence[int] | np.ndarray) -> bool:
+        """Whether all triangles fit into what rays sweep without a tree (CPU)."""
+        shapes = [self.shapes[number] for number in geometry[: native.FEW_FACES + 1]]
+        if not self.device.is_cpu or not all(isinstance(shape, MeshTree) for shape in shapes):
+            return False
+        return len(shapes) <= native.FEW_FACES and 0 < sum(shape.faces for shape in shapes) <= native.FEW_FACES
+
+    def _gather_few(self) -> None:
+        """Collect the triangles beside the trees, where they are so few that rays need none."""
+        if self._few:
+            inputs = [self._few.address, self._geometries, self.instances, self._count]
+            wp.launch(_gather_few, dim=1, inputs=inputs, device="cpu")
+            self.world.few = self._few.address
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _gather_few(
+    few: wp.uint64, geometries: wp.array(dtype=Geometry), instances: wp.array(dtype=Instance), count: wp.int32
+):
+    native.gather_few(few, geometries, instances, count)
