@@ -154,6 +154,14 @@ def test_unlit_pixels_are_left_out():
     assert film_of(draws).relative_error().error == pytest.approx(0.025, rel=0.5)
 
 
+@pytest.mark.parametrize("needed", [16, 17, 100, 1000])
+def test_an_error_is_overshot_by_a_tenth_at_most(needed):
+    passes = stopping.Passes(stopping.Limits(error=needed**-0.5), 256, lambda: passes.taken**-0.5)
+    for _ in passes:
+        pass
+    assert needed <= passes.taken <= max(1.1 * needed + 1, 18)
+
+
 def test_an_error_stops_the_render_when_it_is_reached():
     renderer = prepare(*lit_cube(), 32, sampler="sobol")
     frame = renderer.render(error=0.03)

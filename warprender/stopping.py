@@ -103,6 +103,9 @@ class Passes:
                     return
                 next_check = math.ceil(_CHECK_FACTOR * self.taken)
             batch = max(1, min(2 * batch, int(min(_PASS_SECONDS, left) / per_sample)))
+            if limits.error is not None:
+                # No further than to the next look.
+                batch = max(1, min(batch, next_check - self.taken))
             if left < per_sample:
                 batch = max(1, round(self._pixels * left / per_sample)) / self._pixels
             if self._report is not None:
