@@ -190,6 +190,20 @@ def test_bad_rays_miss(bad):
     assert misses(RayCaster(*QUAD), o, d) == (140, 140)
 
 
+@pytest.mark.parametrize("rays", [1, 40])
+def test_I13_a_t_beyond_float32_is_no_hit(rays):
+    """The wall is 1 away: t is 1 over the direction's length, and float32 ends at 3.4028e38."""
+    caster = RayCaster(*QUAD)
+    tree = WorldTree([mesh_tree(*QUAD)] * 2, [0, 1], np.stack([np.eye(4)] * 2), "cpu")
+    o = np.tile(np.float32([0.2, 0.1, 1.0]), (rays, 1))
+    for length, hit in ((1e-38, True), (2.95e-39, True), (2.93e-39, False), (1e-42, False), (1.4e-45, False)):
+        d = np.tile(np.float32([0, 0, -length]), (rays, 1))
+        assert misses(caster, o, d) == ((0, 0) if hit else (rays, rays))
+        found, placed = closest(caster, o, d), trace(tree, o, d)
+        assert (np.isfinite(found.t) == hit).all()
+        assert ((placed[0]["face"] >= 0) == hit).all() and (placed[1] == hit).all()
+
+
 # ---------------------------------------------------------------- spawning
 
 

@@ -169,7 +169,7 @@ class RayCaster:
         Args:
             origins: (N, 3) float32, numpy or wp.array.
             directions: (N, 3) float32 of any length but zero. Rays with a zero or non-finite direction or
-                origin miss.
+                origin miss, and so does one so short that t is beyond float32.
             t_max: Scalar or (N,): only ``0 <= t < t_max`` counts.
             after: Hits of an earlier call: report what follows each of them in the order of (t, face).
                 Watertight only.

@@ -171,7 +171,8 @@ struct Answer {
     }
     WR_FN Answer open(const Lane& ray, float t_max, float t_after, int instance_after, int face_after)
     {
-        float t = t_max / ray.unit;
+        // A distance that float32 cannot hold in the caller's units is no hit.
+        float t = Bound::smaller(ray.unit > 1.0f ? 0x1p48f : Bound::infinity(), t_max / ray.unit);
         return { t, t, t * (1.0f + 2.0f * Bound::gamma(8)), -1, -1, 0.0f, 0.0f, t_after / ray.unit, instance_after,
             face_after };
     }
