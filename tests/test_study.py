@@ -4,6 +4,7 @@ import csv
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from warprender import images
 from warprender.cli import main
 from warprender.plan import TRANSPORTS, RenderPlan
 from warprender.study import analysis, crops, leaks, measure, plots
-from warprender.study.kept import Reference
+from warprender.study.kept import Folder, Measurement, Reference
 from warprender.study.settings import ladder, sweep
 
 BOX = str(Path(__file__).parent.parent / "scenes_usd" / "cornell_box.usda")
@@ -217,6 +218,29 @@ def test_leaks_are_those_of_fast_rays_alone():
     assert found.vertices > 10 and found.edges > 0 and found.faces <= 1
     assert f"{found.vertices} aimed at vertices" in found.words()
     assert leaks.measure_leaks(wr.Scene()) is None
+    # Triangles that are not drawn are not asked.
+    points.append(np.full((3, 3), np.nan))
+    faces = [*np.concatenate(faces).tolist(), [6 * x.size, 6 * x.size + 1, 6 * x.size + 2]]
+    scene = wr.Scene()
+    scene.add_mesh("/cube", np.concatenate(points), faces)
+    spoilt = leaks.measure_leaks(scene, rays=5000)
+    lost = [(one.triangles, one.vertices, one.edges, one.faces) for one in (found, spoilt)]
+    assert lost[0] == lost[1]
+
+
+def test_figures_go_with_a_reference_that_is_gone(tmp_path):
+    """Nothing says that they were against the picture that takes its place."""
+    file, color = tmp_path / "truth.exr", np.full((4, 6, 3), 0.25, np.float32)
+    images.write(file, {"color": color})
+    kept = Folder(tmp_path / "a", {})
+    kept.keep_reference(Reference(2.0 * color, 0.0, "another"))
+    kept.keep(Measurement("plain", 0, 1.0, 1.0, 1, 0.5, 0.5, 0.5, None, 0.5, 0.5, 4.0), color)
+    (tmp_path / "a" / "reference.json").unlink()
+    renderer = SimpleNamespace(resolution=(6, 4), request=SimpleNamespace(adaptive=False), render=lambda **asked: None)
+    study = measure.Study(tmp_path / "a", lambda **options: renderer, {})
+    assert len(study.measurements) == 1
+    study.take_reference(str(file))
+    assert study.measurements == [] and kept.measurements() == []
 
 
 def test_without_matplotlib_it_says_what_to_install(tmp_path, capsys, monkeypatch):

@@ -148,7 +148,7 @@ class ShapeUpload:
         return Part(path, sdf, contents(sdf), record, SdfShape(sdf.bounds), sdf=sdf.record(self.device))
 
     def _mesh(self, path: str, mesh: Mesh, material: str) -> Part | None:
-        keep, finite = _drawable_triangles(mesh)
+        keep, finite = drawable_triangles(mesh)
         bad = int((~(keep & finite)).sum())
         if bad:
             self.warnings.append(f"{path}: {bad} triangles with non-finite points are not drawn")
@@ -207,7 +207,7 @@ class ShapeUpload:
         return wp.array(data, dtype=dtype, device=self.device) if len(data) else wp.empty(0, dtype, device=self.device)
 
 
-def _drawable_triangles(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+def drawable_triangles(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """(T,) bool each: triangles whose indices are in range, and those of them whose points are finite."""
     points, triangles = mesh.host_points(), mesh.triangles
     in_range = ((triangles >= 0) & (triangles < len(points))).all(1)

@@ -11,6 +11,7 @@ import warp as wp
 from ..plan import RAY_ACCURACIES
 from ..scene import Scene
 from ..shapes.mesh import Mesh
+from ..upload_shapes import drawable_triangles
 from ..visibility.rays import RayCaster
 
 _RAYS = 50_000
@@ -57,12 +58,11 @@ def measure_leaks(scene: Scene, device: str = "cpu", rays: int = _RAYS) -> Leaks
 
     Rays that watertight ones miss are not counted: they pass by the mesh's border.
     """
-    meshes = {path: p.shape for path, p in scene.placements.items() if isinstance(p.shape, Mesh)}
-    meshes = {path: mesh for path, mesh in meshes.items() if len(mesh.triangles)}
-    if not meshes:
+    drawn = {path: _drawn(p.shape) for path, p in scene.placements.items() if isinstance(p.shape, Mesh)}
+    path = max(drawn, key=lambda p: len(drawn[p]), default=None)
+    if path is None or not len(drawn[path]):
         return None
-    path = max(meshes, key=lambda p: len(meshes[p].triangles))
-    points, triangles = np.asarray(meshes[path].host_points(), np.float32), np.asarray(meshes[path].triangles)
+    points, triangles = np.asarray(scene.placements[path].shape.host_points(), np.float32), drawn[path]
     rng = np.random.default_rng(0)
     corners = points[triangles[rng.integers(len(triangles), size=rays)]].astype(np.float64)
     weights = np.stack([_weights(rng, rays, corners_used) for corners_used in (1, 2, 3)])
@@ -77,6 +77,11 @@ def measure_leaks(scene: Scene, device: str = "cpu", rays: int = _RAYS) -> Leaks
     ratio = float(np.median(seconds[:, 1] / seconds[:, 0]))
     speed = len(targets) / float(np.median(seconds[:, 0]))
     return Leaks(path, len(triangles), rays, *(int(n) for n in lost), ratio, speed)
+
+
+def _drawn(mesh: Mesh) -> np.ndarray:
+    """(T, 3) the triangles that rays can meet."""
+    return mesh.triangles[drawable_triangles(mesh)[1]]
 
 
 def _weights(rng: np.random.Generator, rays: int, corners: int) -> np.ndarray:

@@ -100,7 +100,9 @@ class Study:
         if len(bad):
             raise ValueError(f"{file}: is not finite in {len(bad)} pixels, the first (x={bad[0][1]}, y={bad[0][0]})")
         kept = self.kept.reference()
-        if self.measurements and kept is not None and (kept.color != color).any():
+        if kept is None:
+            self._forget_measurements()
+        elif self.measurements and (kept.color != color).any():
             raise ValueError(f"{self.folder}: its measurements are against another reference than {file}")
         error = layers.get("standardError")
         known = error is not None and np.isfinite(error).all()
