@@ -81,3 +81,16 @@ def test_a_render_says_in_its_receipt_how_to_repeat_it():
     assert receipt["resolution"] == [4, 3] and receipt["seed"] == 7
     assert receipt["camera"]["focalLength"] == renderer.camera.focalLength
     np.testing.assert_array_equal(receipt["camera"]["transform"], renderer.camera.transform)
+
+
+def test_numbers_of_numpy_are_kept_as_pythons(tmp_path):
+    scene = wr.Scene()
+    scene.add_sphere("/ball")
+    asked = {"bounces": np.int64(1), "adaptive": np.bool_(False), "texture_bytes": np.float32(2**20)}
+    camera = wr.Camera(focalLength=np.float32(50), clippingRange=np.array([1.0, 9.0]))
+    renderer = wr.Renderer(scene, camera, (4, 3), outputs="cameraDepth", filter="gaussian", **asked)
+    frame = renderer.render(samples=np.int64(2), seed=np.int16(5))
+    frame.save(tmp_path / "a.exr")
+    receipt = json.loads(images.read(tmp_path / "a.exr")[1]["warprender"])
+    assert receipt["seed"] == 5 and receipt["request"]["bounces"] == 1 and receipt["camera"]["clippingRange"] == [1, 9]
+    assert renderer.render(seed=5.0).receipt["seed"] == 5

@@ -9,6 +9,8 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import numpy as np
+
 from .camera import Camera
 from .plan import RenderPlan, Request
 from .scene import RenderProduct, Scene
@@ -28,7 +30,7 @@ def make_receipt(
     camera_path: str = "",
 ) -> dict:
     """Plain values, ready for JSON. Bits are promised per machine, so the machine is named."""
-    return {
+    values = {
         "stage": scene.source,
         "stageHash": file_hash(scene.source),
         "layerHashes": {path: file_hash(path) for path in scene.layers},
@@ -45,6 +47,16 @@ def make_receipt(
         "machine": platform.machine(),
         "versions": versions(),
     }
+    return _plain(values)
+
+
+def _plain(value: object) -> object:
+    """Numbers and arrays of NumPy, which users may give for any other, as Python's."""
+    if isinstance(value, dict):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
 
 
 def file_hash(source: str) -> str:

@@ -199,6 +199,7 @@ class Renderer:
         limits = Limits(samples, error, seconds)
         if not is_number(seed) or seed != seed // 1:
             raise SceneError(f"seed must be a whole number, not {shown(seed)}")
+        seed = int(seed)
         start = time.perf_counter()
         values = self._render_outputs()
         self._seconds["outputs"] = time.perf_counter() - start
