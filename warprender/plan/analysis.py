@@ -154,8 +154,6 @@ def _shutter(scene: Scene, camera: Camera, request: Request) -> tuple[tuple[floa
 
 def _note_outputs(plan: RenderPlan, request: Request) -> None:
     plan.note("denoising", "asked for" if request.denoise else "", "--denoise")
-    if request.ray_accuracy == "fast":
-        plan.reasons["fast rays"] = "asked for"
     guides = {f"output {name}": "guides the denoiser" for name in GUIDES if request.denoise}
     asked = {f"output {name}": "asked for" for name in request.outputs}
     plan.reasons |= guides | asked
