@@ -374,6 +374,10 @@ def test_semantic_labels_are_inherited():
         ({"samples": 0}, "samples"),
         ({"visibility": "raster", "lens": "orthographic"}, "orthographic"),
         ({"transport": "fast"}, "fast"),
+        ({"worlds": 3}, "worlds are 3"),
+        ({"worlds": "/ball0"}, "worlds are '/ball0'"),
+        ({"worlds": [0.5, 1.5]}, "worlds are"),
+        ({"worlds": ["/ball0", 1]}, "worlds are"),
     ],
 )
 def test_bad_arguments_are_named(change, message):

@@ -38,14 +38,16 @@ class ViewPoses:
             raise SceneError(f"sensor: poses are on {taken.device}, the sensor is on {self._device}")
         if not len(taken):
             raise SceneError("sensor: there are no poses")
-        if not isinstance(poses, wp.array):
+        if taken.dtype == wp.transformd and not isinstance(poses, wp.array):
+            # A copy: what another library lends is float32, and not ours to write into.
             self._own = taken
         self._poses = taken
         return taken
 
     def _kept(self, poses: wp.array | np.ndarray) -> wp.array | None:
         """Numbers from the host in the array of the last ones, where they fit."""
-        if isinstance(poses, wp.array) or self._own is None:
+        lent = hasattr(poses, "__dlpack__") and not isinstance(poses, np.ndarray)
+        if lent or self._own is None:
             return None
         host = np.asarray(poses, np.float64)
         if host.shape != (len(self._own), 7):

@@ -21,7 +21,7 @@ from ..renderer import use_camera_light
 from ..scene import Scene, SceneError
 from .batch import ViewBatch
 from .poses import ViewPoses
-from .worlds import SensorWorlds
+from .worlds import SensorWorlds, check_worlds
 
 
 class Images(SimpleNamespace):
@@ -58,6 +58,7 @@ class Sensor:
             raise SceneError(f"scene is {shown(scene)}, not a Scene")
         if not is_number(seed) or seed != seed // 1:
             raise SceneError(f"seed must be a whole number, not {shown(seed)}")
+        check_worlds(worlds)
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
         self._lens, self._asked, self._request, self._given_worlds = lens, outputs, request, worlds
         self._camera = Camera(projection=projection, clippingRange=(lens.near, lens.far))
@@ -127,6 +128,8 @@ class Sensor:
 
     def _share(self, poses: wp.array) -> None:
         if self._shared is None:
+            # The scene may have changed since the sensor was made.
+            self._plan()
             eye = np.eye(4)
             first = poses[:1].numpy()[0, :3]
             eye[3, :3] = first if np.isfinite(first).all() else 0.0
@@ -140,7 +143,9 @@ class Sensor:
         if self._plans != shared.plans:
             self._plans, before = shared.plans, self.plan
             self._plan()
-            self.plan = self.plan.kept_from(before, self._camera)
+            if self.plan.sdfs == before.sdfs:
+                # All sensors share one upload, which numbers the functions that there are.
+                self.plan = self.plan.kept_from(before, self._camera)
         if self._upload is not shared.live.upload:
             by_raster = self._found_by == "raster"
             arguments = self._lens if by_raster else None, self.device, self.threads

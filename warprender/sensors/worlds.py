@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from ..bodies import ancestors
+from ..given import plain_array, shown
 from ..records import CameraRecord
 from ..scene import Scene, SceneError
 from ..upload import Upload
@@ -88,7 +89,7 @@ class SensorWorlds:
             if worlds.device != wp.get_device(self._device):
                 raise SceneError(f"sensor: worlds are on {worlds.device}, the sensor is on {self._device}")
             return worlds
-        host = np.asarray(worlds)
+        host = plain_array(worlds)
         if host.shape != (views,) or host.dtype.kind not in "iu" or host.min() < 0 or host.max() > last:
             raise SceneError(f"sensor: worlds must be {views} numbers from 0 to {last}")
         if self._own is None or len(self._own) != views:
@@ -121,6 +122,15 @@ class SensorWorlds:
             if path.rstrip("/") not in owned:
                 self._scene.warn(f"{path}: world {number} of the sensor has no prim of its own")
         return owners
+
+
+def check_worlds(given: object) -> None:
+    """Raise a SceneError unless it is None, prim paths, or whole numbers."""
+    array = plain_array(given)
+    numbers = array.dtype.kind in "iu" or not array.size
+    paths = array.dtype.kind == "U" and all(isinstance(path, str) for path in given)
+    if given is not None and not (array.ndim == 1 and (numbers or paths)):
+        raise SceneError(f"sensor: worlds are {shown(given)}, neither prim paths nor a whole number for each instance")
 
 
 def _lists(owners: np.ndarray, count: int) -> list[np.ndarray]:
