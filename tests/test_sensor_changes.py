@@ -1,4 +1,4 @@
-"""Sensors of scenes that change: between the sensor and its first update, in what is numbered, in poses lent."""
+"""Sensors of scenes that change: before the first update, in what is numbered, in their lights; and poses lent."""
 
 import numpy as np
 import warp as wp
@@ -75,3 +75,21 @@ def test_poses_of_another_library_are_only_read():
     ]
     np.testing.assert_allclose(depths, [4.75, 5.75, 4.75, 5.75], atol=1e-3)
     assert near[0, 2] == 5 and far[0, 2] == 6
+
+
+def test_lights_of_another_kind_are_seen():
+    """The bits of a sensor that was made later, with the lamp there; its light comes from the side."""
+
+    def sensor():
+        return wr.CameraSensor(scene, 16, 16, fov=45, visibility="rays", camera_light="on")
+
+    scene = wr.Scene()
+    scene.add_sphere("/ball")
+    first = sensor()
+    before = first.update(POSE).numpy("color").copy()
+    scene.add_light(wr.SphereLight(radius=0.5, intensity=30.0), "/lamp", pose=[2, 0, 3, 0, 0, 0, 1])
+    after = first.update(POSE).numpy("color").copy()
+    np.testing.assert_array_equal(after, sensor().update(POSE).numpy("color"))
+    assert (after[0, 8, 8, :3] > before[0, 8, 8, :3]).all()
+    scene.remove("/lamp")
+    np.testing.assert_array_equal(first.update(POSE).numpy("color"), before)

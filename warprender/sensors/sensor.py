@@ -15,7 +15,7 @@ from ..integrators.samples import path_request
 from ..integrators.views import ViewKey, views_kernel
 from ..launch import thread_count
 from ..live import SharedScene
-from ..plan import LIGHT_BY_LIGHT, Request, analyse
+from ..plan import LIGHT_BY_LIGHT, RenderPlan, Request, analyse
 from ..records import CameraRecord
 from ..renderer import use_camera_light
 from ..scene import Scene, SceneError
@@ -141,11 +141,15 @@ class Sensor:
         """Another plan or another upload, where the scene calls for one."""
         shared = self._shared
         if self._plans != shared.plans:
-            self._plans, before = shared.plans, self.plan
+            self._plans, before, found_by = shared.plans, self.plan, self._found_by
             self._plan()
             if self.plan.sdfs == before.sdfs:
                 # All sensors share one upload, which numbers the functions that there are.
                 self.plan = self.plan.kept_from(before, self._camera)
+            if self._found_by != found_by:
+                self._upload = None
+            if _drawn_by(self.plan) != _drawn_by(before):
+                self._batch = None
         if self._upload is not shared.live.upload:
             by_raster = self._found_by == "raster"
             arguments = self._lens if by_raster else None, self.device, self.threads
@@ -167,3 +171,8 @@ class Sensor:
         path.samples = self._samples
         record = self._shared.live.record
         return ViewBatch(kernel, views, self._asked, self._lens, self._table, path, record, worlds, self.threads)
+
+
+def _drawn_by(plan: RenderPlan) -> tuple[object, ...]:
+    """What of a plan is in a batch's kernel and its request."""
+    return plan.path, plan.outputs, plan.transport, plan.bounds
