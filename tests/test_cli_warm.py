@@ -23,7 +23,7 @@ def binaries(cache):
 def test_a_render_after_it_compiles_nothing(tmp_path):
     cache = tmp_path / "cache"
     said = run(cache, "warm", *FLAGS, BOX)
-    assert "outputs: normal, Mesh" in said and "local: Mesh, DisplayColor, RectLight" in said
+    assert "outputs: normal, Mesh" in said and "DisplayColor, RectLight, perspective" in said
     warm = binaries(cache)
     assert len(warm) > 2
     run(cache, "render", *FLAGS, "--samples", "2", BOX, str(tmp_path / "box.exr"))

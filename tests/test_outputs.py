@@ -10,6 +10,7 @@ import warprender as wr
 from warprender.camera import camera_ray_function
 from warprender.outputs import OUTPUTS
 from warprender.records import CameraRecord
+from warprender.shapes import Primvar
 
 ALL = tuple(OUTPUTS)
 SIZE = 16
@@ -150,13 +151,13 @@ def test_primvars_of_every_interpolation():
     indices = np.array([3, 1, 0, 2, 7, 7, 5, 6])
     indexed = [bilinear(colors[indices[:4]], x + 1, v), bilinear(colors[indices[4:]], x, v)]
     cases = [
-        (wr.scene.Primvar(colors[:1], "constant"), np.broadcast_to(colors[0], (*x.shape, 3))),
-        (wr.scene.Primvar(colors[:2], "uniform"), np.where(right, colors[1], colors[0])),
-        (wr.scene.Primvar(colors[:6], "vertex"), np.where(right, left[1], left[0])),
-        (wr.scene.Primvar(colors[:6], "varying"), np.where(right, left[1], left[0])),
-        (wr.scene.Primvar(colors, "faceVarying"), np.where(right, corners[1], corners[0])),
-        (wr.scene.Primvar(colors, "faceVarying", indices), np.where(right, indexed[1], indexed[0])),
-        (wr.scene.Primvar(colors, "uniform", np.array([5, 3])), np.where(right, colors[3], colors[5])),
+        (Primvar(colors[:1], "constant"), np.broadcast_to(colors[0], (*x.shape, 3))),
+        (Primvar(colors[:2], "uniform"), np.where(right, colors[1], colors[0])),
+        (Primvar(colors[:6], "vertex"), np.where(right, left[1], left[0])),
+        (Primvar(colors[:6], "varying"), np.where(right, left[1], left[0])),
+        (Primvar(colors, "faceVarying"), np.where(right, corners[1], corners[0])),
+        (Primvar(colors, "faceVarying", indices), np.where(right, indexed[1], indexed[0])),
+        (Primvar(colors, "uniform", np.array([5, 3])), np.where(right, colors[3], colors[5])),
     ]
     for primvar, expected in cases:
         scene = wr.Scene()
@@ -221,7 +222,8 @@ def test_singular_placements_draw_nothing_and_say_so():
     # C3: scale 0 is legal.
     for s in (0.0, 1e-39, np.nan, np.inf):
         scene = wr.Scene()
-        scene.add_mesh("/flat", *scenes.quad(4.0), pose=np.diag([1.0, s, 1.0, 1.0]))
+        scene.add_mesh("/flat", *scenes.quad(4.0))
+        scene.placements["/flat"].transforms = np.diag([1.0, s, 1.0, 1.0])
         got = outputs(scene, scenes.window(2.0), ("primId", "normal"), 4)
         assert (got["primId"] == -1).all()
         assert any("/flat" in warning for warning in scene.warnings)

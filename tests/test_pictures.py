@@ -9,6 +9,7 @@ from chance import SIGMAS, polygon_irradiance
 from pictures import mean_and_error, picture, prepare
 
 import warprender as wr
+from warprender.shapes import Primvar
 
 #: In `shared`, beside the repository or above it.
 ASSETS = [p / "shared" / "usd_assets" / "lux_analytic" for p in Path(__file__).parents]
@@ -362,11 +363,11 @@ def test_A2_a_sample_that_is_not_finite_costs_itself_only():
     # A2: a NaN and an infinite light in one pixel's way; every other pixel keeps its bits.
     def render(bad):
         scene, view = busy()
-        color = [(np.nan, 0, 0)] * 4 if bad == "nan" else [(np.inf, 1, 1)] * 4
         if bad:
             points = scenes.quad(0.05)[0] + (-0.8, 0.6, 1.0)
-            glow = wr.PreviewSurface(emissiveColor=color[0], diffuseColor=(0, 0, 0), useSpecularWorkflow=1)
-            scene.add_mesh("/bad", points, [[0, 1, 2, 3]], material=glow)
+            glow = wr.PreviewSurface(emissiveColor=wr.PrimvarReader("glow"), diffuseColor=(0, 0, 0))
+            mesh = scene.add_mesh("/bad", points, [[0, 1, 2, 3]], material=glow)
+            mesh.primvars["glow"] = Primvar(np.float32([(float(bad), 1, 1)]), "constant")
         renderer = prepare(scene, view, 24, bounces=0)
         frame = renderer.render(samples=16)
         return frame.numpy("color").copy(), frame.stats["dropped samples"]

@@ -199,7 +199,7 @@ def test_tetrahedra_show_their_surface_from_outside(surface):
 
 def test_kinds_that_are_not_drawn_yet_are_named_once():
     prims = "\n".join(f'def Volume "v{k}" {{ }}' for k in range(9))
-    assert scene_of(prims).warnings == ["/v0 and 8 more prims: Volume is not drawn yet"]
+    assert scene_of(prims).warnings == ["/v0 and 8 more prims: Volume is not drawn yet: it has no field"]
 
 
 def test_concave_quads_are_cut_along_the_diagonal_inside():

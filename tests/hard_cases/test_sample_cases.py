@@ -11,7 +11,7 @@ from pictures import prepare
 from test_sampling import pairs
 
 import warprender as wr
-from warprender.sampling import DIMENSION_PIXEL, random_pair, sample_stream, to_unit
+from warprender.sampling import DIMENSION_PIXEL, REPLICATES, random_pair, sample_stream, to_unit
 
 
 def test_A1_a_long_sum_does_not_stall():
@@ -62,10 +62,11 @@ def test_late_sobol_points_are_new_and_even(first):
         out = wp.empty(count, dtype=wp.vec2, device="cpu")
         wp.launch(late_pairs, count, [start, 0, 1, out], device="cpu")
         points[:] = out.numpy()
-    # Four replicates, each a net of 4096 points: one in every box of 64 × 64, wherever in the sequence they begin.
-    for replicate in range(4):
-        cells = np.floor(late[replicate::4] * 64).astype(int)
-        assert len(np.unique(cells[:, 0] * 64 + cells[:, 1])) == 4096
+    # Replicates of two nets of 4096 points each: one in every box of 64 × 64, wherever in the sequence they begin.
+    for replicate in range(int(REPLICATES)):
+        for net in late[replicate::REPLICATES].reshape(-1, 4096, 2):
+            cells = np.floor(net * 64).astype(int)
+            assert len(np.unique(cells[:, 0] * 64 + cells[:, 1])) == 4096
     same = (early[:, None, :].view(np.complex128) == late[None, :64].view(np.complex128)).sum()
     assert same == 0
 
