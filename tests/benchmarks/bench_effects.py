@@ -4,9 +4,9 @@
     python tests/benchmarks/bench_effects.py lens texture
 
 Kernels are compiled into an empty cache, in seconds of the processor. Each scene is drawn by its own kernel, the base
-scene also by the kernel of
-each effect (what code costs that nothing asks for), and every scene by the kernel with everything compiled in. They
-take turns; times are the processor's, the least of several short runs, for one thread. Pictures must agree bit for bit.
+scene also by the kernel of each effect (what code costs that nothing asks for), and every scene by the kernel with
+everything compiled in. They take turns; times are the processor's, the least of several short runs, for one thread.
+Pictures must agree bit for bit.
 """
 
 from __future__ import annotations
