@@ -34,6 +34,8 @@ def test_any_size_and_black_pictures_are_taken():
     for height, width in ((1, 1), (3, 17)):
         black = np.zeros((height, width, 4), np.float32)
         guide = np.full((height, width, 3), -1.0, np.float32)
+        np.testing.assert_array_equal(denoise.denoised(black, guide, guide), black)
+        black[..., 3] = 1.0
         # The network's guess for black is black to within 5e-5.
         np.testing.assert_allclose(denoise.denoised(black, guide, guide), black, atol=2e-4)
 

@@ -21,7 +21,7 @@ def denoised(color: np.ndarray, albedo: np.ndarray, normal: np.ndarray) -> np.nd
     """The picture without noise, as far as the network guesses it.
 
     Args:
-        color: (H, W, 4) float32, linear, premultiplied; alpha is passed on.
+        color: (H, W, 4) float32, linear, premultiplied; alpha is passed on, and so are pixels where it is 0.
         albedo: (H, W, 3) float32 of the first hits.
         normal: (H, W, 3) float32, unit vectors; anything else where nothing is seen.
 
@@ -58,4 +58,5 @@ def denoised(color: np.ndarray, albedo: np.ndarray, normal: np.ndarray) -> np.nd
         problem = device.get_error()
     if problem:
         raise ValueError(f"Open Image Denoise: {problem}")
-    return np.concatenate([result, color[..., 3:]], axis=2)
+    # The network guesses black as up to 2e-4, which where nothing is seen is not covered by its alpha.
+    return np.where(color[..., 3:] == 0.0, color, np.concatenate([result, color[..., 3:]], axis=2))
