@@ -9,6 +9,9 @@ import numpy as np
 #: Outputs that guide the denoiser, besides color.
 GUIDES = ("albedo", "normal")
 
+#: What the network answers for black is below this; so is what counts as lit.
+_FAINT = 1e-3
+
 MISSING = 'denoising needs the package pyoidn: pip install "warprender[denoise]"'
 
 
@@ -21,7 +24,8 @@ def denoised(color: np.ndarray, albedo: np.ndarray, normal: np.ndarray) -> np.nd
     """The picture without noise, as far as the network guesses it.
 
     Args:
-        color: (H, W, 4) float32, linear, premultiplied; alpha is passed on, and so are pixels where it is 0.
+        color: (H, W, 4) float32, linear, premultiplied; alpha is passed on, and so is what is black before
+            nothing.
         albedo: (H, W, 3) float32 of the first hits.
         normal: (H, W, 3) float32, unit vectors; anything else where nothing is seen.
 
@@ -58,5 +62,6 @@ def denoised(color: np.ndarray, albedo: np.ndarray, normal: np.ndarray) -> np.nd
         problem = device.get_error()
     if problem:
         raise ValueError(f"Open Image Denoise: {problem}")
-    # The network guesses black as up to 2e-4, which where nothing is seen is not covered by its alpha.
-    return np.where(color[..., 3:] == 0.0, color, np.concatenate([result, color[..., 3:]], axis=2))
+    # The network guesses black as up to 3e-4, too much where nothing is seen: no alpha covers it. Rims may be filled.
+    empty = (color[..., 3:] == 0.0) & (result.max(2, keepdims=True) < _FAINT)
+    return np.where(empty, color, np.concatenate([result, color[..., 3:]], axis=2))
