@@ -19,7 +19,7 @@ from .films import Films
 from .filters import filter_table, pixel_offset
 from .frame import Frame, Stats
 from .framing import checked_resolution, choose_data_window, choose_resolution
-from .given import is_number, shown
+from .given import shown
 from .hit_finders import HitFinders
 from .integrators import RADIANCE
 from .integrators.none import launch_outputs
@@ -27,7 +27,7 @@ from .integrators.samples import PathRequest, follow_bounds, launch_samples, pat
 from .launch import thread_count
 from .live import LiveScene
 from .outputs import FILM_OUTPUTS, OutputBuffers, cleared_outputs, output_names, term_of, terms_of
-from .plan import LIGHT_BY_LIGHT, LIGHT_SAMPLINGS, RenderPlan, Request, analyse
+from .plan import LIGHT_BY_LIGHT, LIGHT_SAMPLINGS, RenderPlan, Request, analyse, check_seed
 from .receipt import make_receipt
 from .scene import Scene
 from .shutter import shutter_share
@@ -197,8 +197,7 @@ class Renderer:
             SceneError: a limit is not above 0, or the seed is no whole number.
         """
         limits = Limits(samples, error, seconds)
-        if not is_number(seed) or seed != seed // 1:
-            raise SceneError(f"seed must be a whole number, not {shown(seed)}")
+        check_seed(seed)
         seed = int(seed)
         start = time.perf_counter()
         values = self._render_outputs()

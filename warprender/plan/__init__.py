@@ -20,6 +20,7 @@ from .request import (
     VISIBILITIES,
     Request,
     check_outputs,
+    check_seed,
 )
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "Request",
     "analyse",
     "check_outputs",
+    "check_seed",
     "covers",
     "distance_functions",
     "everything",

@@ -66,6 +66,12 @@ def check_outputs(names: tuple[str, ...]) -> None:
             raise SceneError(f"output {name!r} is not one of color, color:0, color:1, …, {known}")
 
 
+def check_seed(seed: object) -> None:
+    """Raise a SceneError unless it is a whole number, of any size and sign."""
+    if not is_number(seed) or seed != seed // 1:
+        raise SceneError(f"seed must be a whole number, not {shown(seed)}")
+
+
 def check_request(request: Request) -> None:
     """Raise a SceneError at what cannot be asked of any scene."""
     if not request.outputs:

@@ -9,13 +9,13 @@ import numpy as np
 import warp as wp
 
 from ..camera import Camera
-from ..given import is_number, shown
+from ..given import shown
 from ..integrators import RADIANCE
 from ..integrators.samples import path_request
 from ..integrators.views import ViewKey, views_kernel
 from ..launch import thread_count
 from ..live import SharedScene
-from ..plan import LIGHT_BY_LIGHT, RenderPlan, Request, analyse
+from ..plan import LIGHT_BY_LIGHT, RenderPlan, Request, analyse, check_seed
 from ..records import CameraRecord
 from ..renderer import use_camera_light
 from ..scene import Scene, SceneError
@@ -56,8 +56,7 @@ class Sensor:
     ) -> None:
         if not isinstance(scene, Scene):
             raise SceneError(f"scene is {shown(scene)}, not a Scene")
-        if not is_number(seed) or seed != seed // 1:
-            raise SceneError(f"seed must be a whole number, not {shown(seed)}")
+        check_seed(seed)
         check_worlds(worlds)
         self.scene, self.device, self.threads = scene, device, thread_count(threads)
         self._lens, self._asked, self._request, self._given_worlds = lens, outputs, request, worlds
